@@ -14,7 +14,7 @@ from omni_mj.config import CYCLE_RATE_HZ
 from omni_mj.config.rows import Row
 from omni_mj.config.settings import Settings
 from omni_mj.embed.floor_below import put_on_floor
-from omni_mj.embed.scene_views import SceneState, SceneViews
+from omni_mj.embed.scene_views import SceneArrays, SceneViews
 from omni_mj.embed.stepped_robot import SteppedRobot
 from omni_mj.mjcf.attachable_robot import find_load_addresses, stiffen_slip_hinges
 from omni_mj.mjcf.robot_parts import find_by_names
@@ -84,7 +84,7 @@ class RobotDrive:
         self._row = Row(0, 0, "", seed, robot.settings, robot.robot)
         self._variation = RobotVariation.draw([self._row])
         self._world = _make_world(robot, model)
-        self._views = SceneViews(SceneState(model, data), self._world)
+        self._views = SceneViews(SceneArrays(model, data), self._world)
         self._views.write_variation(self._variation)
         self.reset()
 

@@ -11,8 +11,8 @@ from omni_mj.robot.wheel_carpet_forces import ChassisMotion, Drag
 MIN_TILT_RAD = 0.01  # below, a robot counts as upright, as on the plant
 
 
-class SceneState:
-    """The arrays of a scene with the interface of a batch of one world."""
+class SceneArrays:
+    """Arrays of a scene, with the interface of a batch of one world."""
 
     def __init__(self, model: mujoco.MjModel, data: mujoco.MjData) -> None:
         self._model, self._data = model, data
@@ -36,7 +36,7 @@ class SceneViews(RobotViews):
         world: The scene with its one robot.
     """
 
-    def __init__(self, state: SceneState, world: World) -> None:
+    def __init__(self, state: SceneArrays, world: World) -> None:
         super().__init__(state, world)
         self.load = _NormalForces(self, state, world)
 
@@ -75,13 +75,12 @@ class SceneViews(RobotViews):
 class _NormalForces(EntryView):
     """View of the normal forces of a robot's wheels, (W, 1) N, normal to its base."""
 
-    def __init__(self, views: SceneViews, state: SceneState, world: World) -> None:
-        super().__init__(state, "sensordata", world.load_addresses)
+    def __init__(self, robot: SceneViews, state: SceneArrays, world: World) -> None:
         addresses = world.load_addresses[0][:, None] + np.arange(-2, 1)
-        self._forces = EntryView(state, "sensordata", addresses.reshape(1, -1))
-        self._robot = views
+        super().__init__(state, "sensordata", addresses.reshape(1, -1))
+        self._robot = robot
 
     def get(self) -> Array:
         """Return the forces along the robot's z axis."""
         axes = self._robot.find_axes()
-        return super().get() if axes is None else self._forces.get().reshape(-1, 3) @ axes[:, 2:]
+        return super().get().reshape(-1, 3) @ (np.eye(3) if axes is None else axes)[:, 2:]

@@ -142,7 +142,7 @@ def _read_robot_file(path: Path, file: str, change_times: tuple[int, ...]) -> Cu
             "<compiler settotalmass> has no effect in a world; write masses into the model"
         )
     spec.compiler.discardvisual = spec.compiler.fusestatic = False  # keep all named elements
-    _apply_sole_inertias(spec)
+    _remove_ignored_inertias(spec)
     _name_elements(spec)
     name, *more_names = find_chassis_names(spec.compile())
     if more_names:
@@ -185,7 +185,7 @@ def _parse_silently(path: Path) -> mujoco.MjSpec:
         log.set()
 
 
-def _apply_sole_inertias(spec: mujoco.MjSpec) -> None:
+def _remove_ignored_inertias(spec: mujoco.MjSpec) -> None:
     """Delete inertias that <compiler inertiafromgeom="true"> ignores, and let others be set."""
     always = mujoco.mjtInertiaFromGeom.mjINERTIAFROMGEOM_TRUE
     bodies = [body for body in spec.bodies if body.compiler.inertiafromgeom == always]

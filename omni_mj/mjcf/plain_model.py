@@ -14,6 +14,7 @@ within 1 % and do not hop. The stiff contacts of this program's worlds (`rollers
 
 import math
 import posixpath
+import re
 import xml.etree.ElementTree as ElementTree
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
@@ -88,15 +89,16 @@ def build_plain_model(settings: Settings, name: str) -> PlainModel:
     scene = parse_mjcf((folder / "scene.xml").read_text().replace(_FILE_NAME, name))
     extent = VIEW_DISTANCE * settings.wheels.arm_m
     find_child(scene, "statistic").set("extent", f"{extent:.2g}")
-    _stiffen_contacts(robot, assets, settings.body.mass_kg / len(settings.wheels.azimuths_deg))
-    texts = {f"{name}.xml": format_mjcf(robot), "scene.xml": format_mjcf(scene)}
-    files = {path: text.encode() for path, text in texts.items()} | assets
     try:
-        compiled = mujoco.MjModel.from_xml_string(texts["scene.xml"], files)
+        model = mujoco.MjModel.from_xml_string(ElementTree.tostring(robot, "unicode"), assets)
+        (indices,) = find_robots(model)
+        _stiffen_contacts(robot, model, indices, settings.body.mass_kg)
+        texts = {f"{name}.xml": format_mjcf(robot), "scene.xml": format_mjcf(scene)}
+        files = {path: text.encode() for path, text in texts.items()} | assets
+        mujoco.MjModel.from_xml_string(texts["scene.xml"], files)
     except ValueError as error:
         raise OmniError(f"{name}.xml: {' '.join(str(error).split())}") from error
-    (indices,) = find_robots(compiled)
-    return PlainModel(name, files, tuple(compiled.actuator(i).name for i in indices.motors))
+    return PlainModel(name, files, tuple(model.actuator(i).name for i in indices.motors))
 
 
 def _build_standard_robot(settings: Settings, name: str) -> ElementTree.Element:
@@ -161,7 +163,7 @@ def _build_custom_robot(settings: Settings, name: str) -> ElementTree.Element:
     for geom in map(spec.geom, hull):
         if geom.type == mujoco.mjtGeom.mjGEOM_CYLINDER:
             hulls.tilt_cylinder(geom, model)
-    _write_drive(spec, model, robot, settings)
+    _write_motors_and_friction(spec, model, robot, settings)
     spec.add_key(name="home")
     root = parse_mjcf(spec.to_xml())
     root.remove(find_child(root, "size"))  # the number of keys, which differs from that of a scene
@@ -171,7 +173,7 @@ def _build_custom_robot(settings: Settings, name: str) -> ElementTree.Element:
     return root
 
 
-def _write_drive(
+def _write_motors_and_friction(
     spec: mujoco.MjSpec, model: mujoco.MjModel, robot: RobotIndices, settings: Settings
 ) -> None:
     """Set motors, and the friction of wheels and rollers.
@@ -200,7 +202,7 @@ def _write_drive(
 
 
 def _stiffen_contacts(
-    root: ElementTree.Element, assets: Mapping[str, bytes], wheel_load_kg: float
+    root: ElementTree.Element, model: mujoco.MjModel, robot: RobotIndices, mass_kg: float
 ) -> None:
     """Let robots with heavy loads or light wheels sink into the floor as little as the default one.
 
@@ -209,20 +211,18 @@ def _stiffen_contacts(
 
     Args:
         root: A robot's MJCF; changed in place.
-        assets: Its meshes and textures.
-        wheel_load_kg: Mass on a wheel.
+        model: Model compiled from it.
+        robot: Indices of the robot in the model.
+        mass_kg: Mass of the robot.
     """
-    model = mujoco.MjModel.from_xml_string(ElementTree.tostring(root, "unicode"), dict(assets))
-    (robot,) = find_robots(model)
-    ratio = float(model.body_invweight0[robot.rollers, 0].max()) * wheel_load_kg
+    ratio = float(model.body_invweight0[robot.rollers, 0].max()) * mass_kg / len(robot.wheels)
     if ratio <= MAX_LOAD_RATIO:
         return
     impedance = 0.5 + math.sqrt(0.25 - IMPEDANCE * (1 - IMPEDANCE) * MAX_LOAD_RATIO / ratio)
-    text = format_numbers(impedance, impedance)
+    pattern = rf"^{IMPEDANCE:g} {IMPEDANCE:g}\b"
     for geom in root.iter("geom"):
-        if geom.get("solimp", "").startswith(f"{IMPEDANCE:g} {IMPEDANCE:g}"):
-            width = geom.get("solimp", "").split()[2:]
-            geom.set("solimp", " ".join([text, *width]))
+        if solimp := geom.get("solimp"):
+            geom.set("solimp", re.sub(pattern, format_numbers(impedance, impedance), solimp))
 
 
 def _write_asset_paths(root: ElementTree.Element, assets: Mapping[str, bytes]) -> None:

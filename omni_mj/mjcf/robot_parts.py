@@ -251,17 +251,6 @@ def _is_last_link(model: mujoco.MjModel) -> NDArray[np.bool_]:
     return is_last
 
 
-def _find_addresses(model: mujoco.MjModel, bodies: Ids) -> tuple[Ids, Ids]:
-    """Return the addresses of positions and of degrees of freedom of the joints of bodies."""
-    is_included = np.isin(model.jnt_bodyid, bodies)
-    n_positions = np.diff([*model.jnt_qposadr, model.nq])
-    n_dofs = np.diff([*model.jnt_dofadr, model.nv])
-    return (
-        np.flatnonzero(np.repeat(is_included, n_positions)),
-        np.flatnonzero(np.repeat(is_included, n_dofs)),
-    )
-
-
 def _find_parts(data: mujoco.MjData, chassis: int, motors: Ids) -> RobotIndices:
     """Return the indices of the robot with a chassis and motors.
 
@@ -289,11 +278,12 @@ def _find_parts(data: mujoco.MjData, chassis: int, motors: Ids) -> RobotIndices:
     if 0 < len(slip_hinges) < len(joints):
         errors.append("some rims have a slip hinge, and some have none")
     raise_errors(errors)
-    qpos, dofs = _find_addresses(model, np.flatnonzero(model.body_rootid == chassis))
+    joint_of_qpos = np.repeat(np.arange(model.njnt), np.diff([*model.jnt_qposadr, model.nq]))
+    is_own_joint = model.body_rootid[model.jnt_bodyid] == chassis
     return RobotIndices(
         chassis=chassis,
-        qpos=qpos,
-        dofs=dofs,
+        qpos=np.flatnonzero(is_own_joint[joint_of_qpos]),
+        dofs=np.flatnonzero(is_own_joint[model.dof_jntid]),
         joints=joints,
         wheel_qpos=model.jnt_qposadr[joints],
         wheel_dofs=model.jnt_dofadr[joints],

@@ -46,7 +46,7 @@ _NEEDED_FLAGS = (
 )
 
 
-def has_field_options(scene: mujoco.MjSpec) -> bool:
+def is_field(scene: mujoco.MjSpec) -> bool:
     """Return whether a scene is models/field.xml, on which robots have the contacts of plants."""
     carpet = scene.geom(hulls.CARPET)
     return (
@@ -68,9 +68,9 @@ def attach_to_scene(
         prefix: Prefix of the robot's names.
         frame: Frame of the robot.
     """
-    is_field = has_field_options(scene)
-    _enable_contacts(robot, is_field)
-    if not is_field:
+    on_field = is_field(scene)
+    _enable_contacts(robot, on_field)
+    if not on_field:
         for rim in robot.rims:
             body = robot.spec.body(rim)
             body.inertia = make_printable_moments(body.inertia)
@@ -83,7 +83,7 @@ def attach_to_scene(
         scene.add_exclude(bodyname1="world", bodyname2=prefix + body)
 
 
-def _enable_contacts(robot: AttachableRobot, is_field: bool) -> None:
+def _enable_contacts(robot: AttachableRobot, on_field: bool) -> None:
     """Set the bits of contype and conaffinity of a robot's geoms."""
     spec = robot.spec
     for name in robot.contact_geoms:
@@ -95,7 +95,7 @@ def _enable_contacts(robot: AttachableRobot, is_field: bool) -> None:
         hull = spec.geom(name)
         hull.contype = 0 if robot.hull_spheres else _HULL
         hull.conaffinity = _SCENE | _HULL
-    if not is_field:  # there, spheres have pairs
+    if not on_field:  # there, spheres have pairs
         for name in robot.hull_spheres:
             sphere, hull = spec.geom(name), spec.geom(name.removesuffix(hulls.SPHERE_SUFFIX))
             sphere.contype = sphere.conaffinity = _SPHERE

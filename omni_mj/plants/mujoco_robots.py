@@ -59,17 +59,13 @@ class MujocoRobots(CyclewisePlant):
         self._drag: Drag
 
     def _start(self) -> None:
-        """Begin with the robots as they are now."""
-        self._make_parameters()
-        self._start_cycles()
-
-    def _make_parameters(self) -> None:
-        """Set parameters and initial state; encoder counts start at the present wheel angles."""
+        """Begin with the robots as they are now; encoders count from the present wheel angles."""
         electronics, state = self._initial_electronics
         self._change_parameters(electronics)
         _, wheel_angle = self._sensor_values
         count = np.floor(wheel_angle * electronics.firmware.counts_per_rad)
         self.electronics = state._replace(firmware=state.firmware._replace(encoder_count=count))
+        self._start_cycles()
 
     def _change_parameters(self, electronics: ElectronicsParameters) -> ChangeableBodies:
         carpet = self._nominal_carpet
