@@ -14,6 +14,7 @@ import click
 from omni_control.errors import OmniError
 from omni_mj.atomic_files import create_folder, open_atomic, write_json
 from omni_mj.cli import console, options, output_folders
+from omni_mj.mjcf.wheel_model import WheelDesign, render_wheel_files
 
 _PICTURE_PROGRAM = """
 import sys
@@ -31,28 +32,22 @@ with mujoco.Renderer(model, 720, 960) as renderer:
     Image.fromarray(renderer.render()).save(sys.stdout.buffer, "png")
 """
 PICTURE_TIMEOUT_S = 60.0
-# Options of --wheel: name, type, help
-_WHEEL_OPTIONS = (
-    ("radius", float, "Radius over the rollers, m."),
-    ("width", float, "Width, m."),
-    ("rollers", int, "Number of rollers, in all rows."),
-    ("roller-radius", float, "Radius of a roller at its middle, m."),
-    ("rows", int, "Rows of rollers, 1 or 2. Default: 1."),
-    ("roller-angle", int, "Angle of rollers and axle: 90 (omni) or 45 deg (mecanum). Default: 90."),
-    ("mass", float, "Mass, kg. Default: that of a solid cylinder of 1000 kg/m^3."),
-    ("load", float, "Mass of the robot per wheel, kg. Default: five times the mass of the wheel."),
-)
+_WHEEL_OPTIONS = [
+    click.option(
+        f"--{name.replace('_', '-')}",
+        type=field.value_type if field.is_number else int,
+        metavar="N",
+        help=f"{field.doc.capitalize()}{field.unit and ', '}{field.unit}."
+        + ("" if field.default is None else f" Default: {field.default:g}."),
+    )
+    for name, field in WheelDesign.describe_fields().items()
+]
 
 
 @click.command("export")
 @options.robot_options
 @click.option("--wheel", is_flag=True, help="Write a wheel of these sizes in place of a robot:")
-@options.combine(
-    *(
-        click.option(f"--{name}", type=kind, metavar="N" if kind is int else "X", help=text)
-        for name, kind, text in _WHEEL_OPTIONS
-    )
-)
+@options.combine(*_WHEEL_OPTIONS)
 @options.out_option("export")
 @options.OVERWRITE
 @options.QUIET
@@ -62,7 +57,7 @@ def export_command(
     out: Path | None,
     overwrite: bool,
     quiet: bool,
-    **wheel_options: float | None,
+    **wheel_options: Any,
 ) -> None:
     """Write a robot, or a wheel alone, as plain MJCF, for any scene of MuJoCo.
 
@@ -76,7 +71,10 @@ def export_command(
         raise OmniError(f"--{next(iter(sizes)).replace('_', '-')} needs --wheel")
     if wheel and scenario_options != options.ScenarioOptions():
         raise OmniError("--wheel writes a wheel alone, without --robot, --model and --set")
-    name, files = _collect_wheel_files(sizes) if wheel else _collect_robot_files(scenario_options)
+    if wheel:
+        name, files = "wheel", render_wheel_files(WheelDesign(**sizes))
+    else:
+        name, files = _collect_robot_files(scenario_options)
     picture = f"{name}.png"
     outputs = (*files, picture, output_folders.PROVENANCE[0])
     folder = output_folders.prepare_folder(out, "export", outputs, overwrite)
@@ -94,14 +92,6 @@ def export_command(
         warnings.warn(f"no {picture}, because MuJoCo cannot draw here: {reason}", stacklevel=1)
     if not quiet:
         print(console.describe_outputs(folder, outputs))
-
-
-def _collect_wheel_files(sizes: dict[str, Any]) -> tuple[str, dict[str, bytes]]:
-    """Return the same as `_collect_robot_files` for a wheel with these sizes."""
-    from omni_mj.mjcf.wheel_model import WheelDesign, render_wheel_files
-
-    texts = render_wheel_files(WheelDesign(**sizes))
-    return "wheel", {name: text.encode() for name, text in texts.items()}
 
 
 def _collect_robot_files(

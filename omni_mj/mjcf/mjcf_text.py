@@ -1,5 +1,6 @@
 """Read and write MJCF as text, with comments, in the layout that MuJoCo Menagerie checks."""
 
+import textwrap
 import xml.etree.ElementTree as ElementTree
 from collections.abc import Iterator
 from xml.sax.saxutils import quoteattr
@@ -7,6 +8,7 @@ from xml.sax.saxutils import quoteattr
 INDENT = "  "
 MAX_COLUMNS = 120
 MAX_DIGITS = 9  # significant digits of numbers
+_UNBROKEN_SPACE = "\0"  # in values, which remain on one line
 
 
 def parse_mjcf(text: str) -> ElementTree.Element:
@@ -48,20 +50,20 @@ def _format_element(element: ElementTree.Element, depth: int) -> Iterator[str]:
         yield f"{indent}</{element.tag}>"
 
 
-def _format_tag(element: ElementTree.Element, indent: str, end: str) -> Iterator[str]:
-    """Yield the lines of an element's opening tag."""
-    line = f"{indent}<{element.tag}"
-    attributes = [
-        f"{name}={quoteattr(_round_value(value))}" for name, value in element.attrib.items()
-    ]
-    for i, attribute in enumerate(attributes):
-        n_reserved = len(end) if i == len(attributes) - 1 else 0
-        if len(line) + 1 + len(attribute) + n_reserved > MAX_COLUMNS:
-            yield line
-            line = indent + INDENT + attribute
-        else:
-            line += f" {attribute}"
-    yield line + end
+def _format_tag(element: ElementTree.Element, indent: str, end: str) -> list[str]:
+    """Return the lines of an element's opening tag, broken between attributes."""
+    words = [f"<{element.tag}"]
+    for name, value in element.attrib.items():
+        words.append(f"{name}={quoteattr(_round_value(value))}".replace(" ", _UNBROKEN_SPACE))
+    lines = textwrap.wrap(
+        " ".join(words) + end,
+        MAX_COLUMNS,
+        initial_indent=indent,
+        subsequent_indent=indent + INDENT,
+        break_long_words=False,
+        break_on_hyphens=False,
+    )
+    return [line.replace(_UNBROKEN_SPACE, " ") for line in lines]
 
 
 def _round_value(value: str) -> str:

@@ -64,13 +64,19 @@ class WheelDesign(SettingsModel):
     roller_radius: float = setting(
         REQUIRED, "radius of a roller at its middle", "m", low=0.001, high=0.2
     )
-    rows: int = setting(1, "rows of rollers, staggered by half a pitch", low=1, high=2)
+    rows: int = setting(1, "rows of rollers, 1 or 2, staggered by half a pitch", low=1, high=2)
     roller_angle: Literal[90, 45] = setting(
         90, "angle of the rollers to the axle: 90 (omni) or 45 (mecanum)", "deg"
     )
-    mass: float = setting(0.0, "mass; 0: a solid cylinder of 1000 kg/m^3", "kg", low=0, high=100)
+    mass: float = setting(
+        0.0, "mass, or 0 for that of a solid cylinder of 1000 kg/m^3", "kg", low=0, high=100
+    )
     load: float = setting(
-        0.0, "mass of the robot per wheel; 0: five times that of the wheel", "kg", low=0, high=1000
+        0.0,
+        "mass of the robot per wheel, or 0 for five times that of the wheel",
+        "kg",
+        low=0,
+        high=1000,
     )
 
     def find_contradictions(self) -> Iterator[str]:
@@ -154,8 +160,8 @@ class WheelDesign(SettingsModel):
         return self.actual_mass * (hub + rollers) + self.armature
 
 
-def render_wheel_files(design: WheelDesign) -> dict[str, str]:
-    """Return the texts of a wheel's files by name: MJCF, a scene with a base, and a README."""
+def render_wheel_files(design: WheelDesign) -> dict[str, bytes]:
+    """Return the contents of a wheel's files by name: MJCF, a scene with a base, and a README."""
     # Name of each model, and sign of the y component of the axis of the roller at the bottom.
     signs = {"left_wheel": -1, "right_wheel": 1} if design.is_mecanum else {"wheel": 0}
     placeholders = _compute_placeholders(design)
@@ -185,7 +191,7 @@ def render_wheel_files(design: WheelDesign) -> dict[str, str]:
     kind = "Mecanum" if design.is_mecanum else "Omni"
     texts["README.md"] = _fill("README.md", placeholders, files=files, kind=kind)
     texts["LICENSE"] = (find_models_folder() / "LICENSE").read_text(encoding="utf-8")
-    return texts
+    return {name: text.encode() for name, text in texts.items()}
 
 
 def _fill(template: str, placeholders: dict[str, str], **texts: str) -> str:
@@ -200,13 +206,9 @@ def _compute_placeholders(design: WheelDesign) -> dict[str, str]:
     roller_mass = ROLLER_MASS_FRACTION * design.actual_mass / n
     roller_inertia = 0.4 * roller_mass * r**2  # of an ellipsoid about its axis
     values = {
-        "radius": R,
-        "width": design.width,
+        **design.model_dump(),
         "half_width": design.width / 2,
-        "rollers": n,
-        "n_rows": design.rows,
         "angle": math.degrees(design.angle),
-        "roller_radius": r,
         "half_length": design.half_length,
         "hub_radius": R - 2 * r,
         "deviation": 1e3 * R * _measure_deviation(R, r, n),

@@ -35,8 +35,8 @@ DIRECTIONS = np.array([*([np.cos(a), np.sin(a), 0] for a in np.arange(8) * np.pi
 
 def write_scene(folder: Path, **values: Any) -> mujoco.MjSpec:
     """Write a wheel's files, and return the scene with its base."""
-    for name, text in render_wheel_files(WheelDesign(**values)).items():
-        (folder / name).write_text(text, encoding="utf-8")
+    for name, content in render_wheel_files(WheelDesign(**values)).items():
+        (folder / name).write_bytes(content)
     return mujoco.MjSpec.from_file(str(folder / "scene.xml"))
 
 
@@ -169,8 +169,8 @@ def test_a_wheel_is_round_or_refused(
             str(error),
         )
         return
-    texts = render_wheel_files(design)
-    model = mujoco.MjModel.from_xml_string(texts["left_wheel.xml" if angle == 45 else "wheel.xml"])
+    name = "left_wheel.xml" if angle == 45 else "wheel.xml"
+    model = mujoco.MjModel.from_xml_string(render_wheel_files(design)[name].decode())
     data = compute_initial_kinematics(model)
     geoms = np.flatnonzero(model.geom_type == mujoco.mjtGeom.mjGEOM_ELLIPSOID)
     assert len(geoms) == rollers
