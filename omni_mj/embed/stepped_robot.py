@@ -60,8 +60,7 @@ class SteppedRobot(MujocoRobots):
         self._runs_cycle = False  # whether a cycle ran before this step
         self._voltages: Array | None = None  # commanded voltages, (W, 1) V
         self._push_force = np.zeros((2, 1))
-        zeros = np.zeros((len(world.robots[0].joints), 1))
-        self.record = CycleRecord(zeros, zeros, zeros, zeros > 0, zeros[0], zeros[0])
+        self.record = CycleRecord(*(values[0] for values in self._record))  # zeros
 
     def _check_wheel_loops(self) -> None:
         """Raise an OmniError if steps are too long for the gain of the wheel loops.

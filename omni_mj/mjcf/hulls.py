@@ -62,35 +62,38 @@ def enable_hulls(
             "'hull'"
         )
     data = compute_initial_kinematics(model)
-    for name in robot_spec.hull_geoms:
-        depth = compute_support_distance(data, model.geom(name).id, np.array([0.0, 0.0, -1.0]))
+    geoms = {name: model.geom(name).id for name in robot_spec.hull_geoms}
+    for name, geom in geoms.items():
+        depth = compute_support_distance(data, geom, np.array([0.0, 0.0, -1.0]))
         if depth > 0:
             raise OmniError(
                 f"{robot_spec.file}: the hull {name!r} must end above the carpet, where the robot "
                 f"would stand on it; its lowest point is {1e3 * depth:.2g} mm below"
             )
-    if not all(_is_upright_cylinder(data, name) for name in robot_spec.hull_geoms):
-        for name in robot_spec.hull_geoms:
+    ids = list(geoms.values())
+    is_cylinder = model.geom_type[ids] == mujoco.mjtGeom.mjGEOM_CYLINDER
+    if not (is_cylinder & (abs(data.geom_xmat[ids, 8]) > UPRIGHT_COSINE)).all():
+        for name in geoms:
             spec.geom(name).contype = spec.geom(name).conaffinity = 1
         return []
     bodies = np.flatnonzero(model.body_rootid == robot.chassis)
     _, center, _ = compute_composite_inertia(model, bodies)
     chassis = spec.body(model.body(robot.chassis).name)
-    for name in robot_spec.hull_geoms:
-        x, y, _ = data.geom(name).xpos
+    for name, geom in geoms.items():
+        x, y, _ = data.geom_xpos[geom]
         tilt_cylinder(spec.geom(name), model)
         chassis.add_geom(
             name=name + SPHERE_SUFFIX,
             type=mujoco.mjtGeom.mjGEOM_SPHERE,
-            size=[model.geom(name).size[0], 0, 0],
+            size=[model.geom_size[geom, 0], 0, 0],
             pos=[x, y, center[2]],
-            friction=model.geom(name).friction,
+            friction=model.geom_friction[geom],
             contype=0,
             conaffinity=0,
             mass=0,
-            group=model.geom(name).group[0],
+            group=model.geom_group[geom],
         )
-    return [name + SPHERE_SUFFIX for name in robot_spec.hull_geoms]
+    return [name + SPHERE_SUFFIX for name in geoms]
 
 
 def connect_hull(
@@ -143,10 +146,3 @@ def tilt_cylinder(cylinder: mujoco.MjsGeom, model: mujoco.MjModel) -> None:
     mujoco.mju_mulQuat(
         cylinder.quat, np.array([np.cos(TILT_RAD / 2), np.sin(TILT_RAD / 2), 0.0, 0.0]), geom.quat
     )
-
-
-def _is_upright_cylinder(data: mujoco.MjData, name: str) -> bool:
-    """Return whether a geom is a cylinder with a vertical axis."""
-    axis_z = data.geom(name).xmat[8]
-    is_cylinder = data.model.geom(name).type[0] == mujoco.mjtGeom.mjGEOM_CYLINDER
-    return bool(is_cylinder and abs(axis_z) > UPRIGHT_COSINE)
