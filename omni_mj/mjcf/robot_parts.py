@@ -194,43 +194,31 @@ def _find_wheel_motors(data: mujoco.MjData) -> tuple[Ids, Ids]:
     """
     model = data.model
     is_dc = model.actuator_gaintype == DCMOTOR
-    motors = _find_driven_wheels(data)
+    hinges = np.flatnonzero(model.jnt_type == HINGE).tolist()
+    rollers = {hinge: set(_find_rollers(data, hinge).tolist()) for hinge in hinges}
+    wheels = [hinge for hinge in hinges if len(rollers[hinge]) >= RETAINED_ROLLERS]
+    is_at_joint = model.actuator_trntype == mujoco.mjtTrn.mjTRN_JOINT
+    motors = np.flatnonzero(is_dc & is_at_joint & np.isin(model.actuator_trnid[:, 0], wheels))
     if not motors.size:
         hint = "" if is_dc.all() else f"; other actuators do not count: write {_DCMOTOR_EXAMPLE}"
         raise OmniError(
             "no wheels; a wheel is a hinge that a <dcmotor> drives, with rollers: bodies on it "
             f"with a hinge each, without a range, across the axle{hint}"
         )
-    wheels = model.jnt_bodyid[model.actuator_trnid[motors, 0]]
-    raise_errors(
-        f"{model.joint(joint).name!r} has rollers, but no <dcmotor> drives it: "
-        f"write {_DCMOTOR_EXAMPLE}"
-        for joint in _find_undriven_wheels(data, wheels)
-    )
-    return motors, model.body_rootid[wheels]
-
-
-def _find_undriven_wheels(data: mujoco.MjData, wheels: Ids) -> list[int]:
-    """Return other hinges with rollers on the chassis that carry the bodies of driven wheels."""
-    model, joints = data.model, list[int]()
-    for joint in np.flatnonzero(model.jnt_type == HINGE).tolist():
-        body = model.jnt_bodyid[joint]
-        rims = (*wheels, *model.jnt_bodyid[joints])  # or bodies of wheels, which carry them
-        is_known = body in (*rims, *model.body_parentid[wheels])
-        is_known |= model.body_parentid[body] in rims
-        is_known |= model.body_rootid[body] not in model.body_rootid[wheels]
-        if not is_known and _find_rollers(data, joint).size >= MIN_COUNT:
-            joints.append(joint)
-    return joints
-
-
-def _find_driven_wheels(data: mujoco.MjData) -> Ids:
-    """Return the <dcmotor>s of hinges with at least two rollers."""
-    model = data.model
-    is_at_joint = model.actuator_trntype == mujoco.mjtTrn.mjTRN_JOINT
-    motors = np.flatnonzero(is_at_joint & (model.actuator_gaintype == DCMOTOR))
-    n_rollers = [_find_rollers(data, joint).size for joint in model.actuator_trnid[motors, 0]]
-    return motors[np.array(n_rollers, int) >= RETAINED_ROLLERS]
+    driven = model.actuator_trnid[motors, 0]
+    chassis_of_joint = model.body_rootid[model.jnt_bodyid]
+    errors, driven_rollers = list[str](), set[int]().union(*(rollers[hinge] for hinge in driven))
+    for hinge in wheels:
+        is_on_robot = chassis_of_joint[hinge] in chassis_of_joint[driven]
+        is_driven = rollers[hinge] & driven_rollers  # also a hinge between hub and rim
+        if is_on_robot and not is_driven and len(rollers[hinge]) >= MIN_COUNT:
+            driven_rollers |= rollers[hinge]  # one error for hub and rim
+            errors.append(
+                f"{model.joint(hinge).name!r} has rollers, but no <dcmotor> drives it: "
+                f"write {_DCMOTOR_EXAMPLE}"
+            )
+    raise_errors(errors)
+    return motors, chassis_of_joint[driven]
 
 
 def _find_rollers(data: mujoco.MjData, joint: int) -> Ids:

@@ -35,15 +35,8 @@ NOMINAL_TIMESTEP_S = 0.002  # longest step at which contacts are as stiff as K a
 _SCENE = (1 << 29) - 1  # geoms of scenes
 _SPHERE = 1 << 29  # spheres of hulls
 _HULL = 1 << 30  # hulls that are no upright cylinders
-_FLAG = mujoco.mjtDisableBit
-_NEEDED_FLAGS = (
-    _FLAG.mjDSBL_CONSTRAINT,
-    _FLAG.mjDSBL_FRICTIONLOSS,
-    _FLAG.mjDSBL_CONTACT,
-    _FLAG.mjDSBL_ACTUATION,
-    _FLAG.mjDSBL_SENSOR,
-    _FLAG.mjDSBL_GRAVITY,
-)
+# Forces without which no wheel rolls, by MuJoCo's names of the flags that disable them
+_NEEDED_FORCES = ("CONSTRAINT", "FRICTIONLOSS", "CONTACT", "ACTUATION", "SENSOR", "GRAVITY")
 
 
 def is_field(scene: mujoco.MjSpec) -> bool:
@@ -139,9 +132,13 @@ def check_scene(model: mujoco.MjModel, robot: RobotIndices) -> None:
             f"the timestep of the {'field' if has_pairs else 'scene'} is {step:g} s; wheels need "
             f"at most {max_step:g} s"
         )
-    disabled = [flag for flag in _NEEDED_FLAGS if model.opt.disableflags & flag]
+    disabled = [
+        name
+        for name in _NEEDED_FORCES
+        if model.opt.disableflags & getattr(mujoco.mjtDisableBit, f"mjDSBL_{name}")
+    ]
     if disabled:
-        names = ", ".join(flag.name.removeprefix("mjDSBL_").lower() for flag in disabled)
+        names = ", ".join(disabled).lower()
         raise OmniError(f"the options of the scene disable {names}, without which no wheel rolls")
     if model.opt.enableflags & mujoco.mjtEnableBit.mjENBL_OVERRIDE:
         raise OmniError("the options of the scene override all contacts, also those of wheels")
