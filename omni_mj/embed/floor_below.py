@@ -32,18 +32,20 @@ def put_on_floor(
     views.place_robots(np.zeros(1, int), pose[None])
     mujoco.mj_kinematics(model, data)
     (robot,) = world.robots
-    wheels, top = data.xpos[robot.wheels, :2], height + SEARCH_HEIGHT_M
-    floor = [_find_floor(model, data, robot.chassis, np.array([*wheel, top])) for wheel in wheels]
-    heights = np.array([height if np.isnan(value) else value for value, _ in floor])
+    wheels = data.xpos[robot.wheels, :2]
+    heights, margins = np.array(
+        [_find_floor(model, data, robot.chassis, np.array([*wheel, height])) for wheel in wheels]
+    ).T
     # Margins of both geoms add up. A margin would increase the radius of the wheels.
-    model.geom_margin[find_roller_geoms(model, robot)] = -max(margin for _, margin in floor)
+    model.geom_margin[find_roller_geoms(model, robot)] = -margins.max()
     position = views.pose.get()
     if np.ptp(heights) == 0:
         position[2] += heights[0]
     else:
         offsets = np.column_stack([wheels - pose[:2], np.ones(len(wheels))])
         (slope_x, slope_y, center), *_ = np.linalg.lstsq(offsets, heights, rcond=None)
-        normal = np.array([-slope_x, -slope_y, 1.0]) / np.hypot(1.0, np.hypot(slope_x, slope_y))
+        normal = np.array([-slope_x, -slope_y, 1.0])
+        normal /= np.linalg.norm(normal)
         # The shortest rotation from z to the normal
         tilt = np.array([1 + normal[2], -normal[1], normal[0], 0.0])
         quaternion = np.zeros(4)
@@ -56,17 +58,16 @@ def put_on_floor(
 def _find_floor(
     model: mujoco.MjModel, data: mujoco.MjData, chassis: int, start: Array
 ) -> tuple[float, float]:
-    """Return height and contact margin of the highest geom below a point (3,), m.
+    """Return height and contact margin of the highest geom near a point (3,), m.
 
-    The height is NaN if there is no geom but those of the robot itself.
+    Without a geom there, except those of the robot itself, the height is that of the point.
     """
-    hit = np.zeros(1, np.int32)
-    down = np.array([0.0, 0.0, -1.0])
-    point = start.copy()
+    hit, down = np.zeros(1, np.int32), np.array([0.0, 0.0, -1.0])
+    point = start - SEARCH_HEIGHT_M * down
     while True:
         distance = mujoco.mj_ray(model, data, point, down, None, 1, -1, hit)
         if distance < 0:
-            return np.nan, 0.0
+            return float(start[2]), 0.0
         point = point + distance * down
         geom = hit[0]
         is_own = model.body_rootid[model.geom_bodyid[geom]] == chassis

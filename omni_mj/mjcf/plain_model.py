@@ -187,16 +187,17 @@ def _write_motors_and_friction(
     motor, drivetrain = settings.motor, settings.drivetrain
     for number, actuator in enumerate(robot.motors, start=1):
         motor_spec = spec.actuators[actuator]
-        gain = np.array(motor_spec.gainprm)
-        gain[:2] = motor.resistance_ohm, motor.torque_constant_nm_a
-        motor_spec.name = motor_spec.name or f"motor_{number}"
-        motor_spec.gainprm, motor_spec.ctrllimited = gain, 1
+        if motor_spec.name.startswith(_UNNAMED):
+            motor_spec.name = f"motor_{number}"
+        motor_spec.gainprm[:2] = motor.resistance_ohm, motor.torque_constant_nm_a
+        motor_spec.ctrllimited = 1
         motor_spec.ctrlrange = compute_full_voltage(settings) * np.array([-1, 1])
     dofs = [(address, motor.wheel_viscous_friction_nm_s) for address in robot.wheel_dofs]
     dofs += [(address, drivetrain.roller_damping_nm_s) for address in robot.roller_dofs.ravel()]
     for address, damping in dofs:
         joint = spec.joint(model.joint(model.dof_jntid[address]).name)
-        joint.damping = [damping, *np.zeros(np.size(joint.damping) - 1)]
+        joint.damping[:] = 0.0
+        joint.damping[0] = damping
         if address in robot.wheel_dofs:
             joint.frictionloss = settings.hub_friction_nm
 

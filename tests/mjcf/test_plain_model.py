@@ -1,5 +1,6 @@
 """Robots as plain MJCF in scenes of somebody else, with MuJoCo's default options."""
 
+import re
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -62,11 +63,14 @@ def test_nine_robots_roll_as_far_as_their_wheels(
 
 
 def test_a_robot_with_its_own_mjcf_rolls_too(tmp_path: Path) -> None:
-    """Its axles point outward, its frame is above the floor, its hull is an upright cylinder."""
+    """Its axles point outward, its frame is above the floor, and its motors have no names."""
     file = tmp_path / "own.xml"
-    file.write_text(written((50, 130, 230, 310), outward=True, raised=0.01))
+    text = written((50, 130, 230, 310), outward=True, raised=0.01)
+    file.write_text(re.sub('<dcmotor name="[^"]*"', "<dcmotor", text))
     settings = resolve_settings({"model": {"file": str(file)}})
-    model = attach(make_floor("plane", timestep=0.004), read_robot(settings))
+    spec = read_robot(settings)
+    assert [motor.name for motor in spec.actuators] == [f"motor_{i}" for i in (1, 2, 3, 4)]
+    model = attach(make_floor("plane", timestep=0.004), spec)
     assert np.isfinite(model.actuator_ctrlrange).all()
     assert (model.actuator_ctrlrange == [-16.8, 16.8]).all()
     error, hop = measure_rolling(model, settings.wheels.kinematics)
