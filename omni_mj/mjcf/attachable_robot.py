@@ -27,7 +27,7 @@ class AttachableRobot:
         chassis: Name of the body with the free joint.
         rims: Names of the bodies that carry the rollers, by wheel.
         contact_geoms: Names of the rollers' geoms that touch the floor.
-        hull_geoms: Names of the geoms of its hull; empty without a hull.
+        hull_geoms: Names of the geoms of its hull; empty if it does not collide.
         hull_spheres: Names of the spheres with which it hits other robots; see `hulls`.
         contact: Parameters of a contact pair of floor and roller.
     """

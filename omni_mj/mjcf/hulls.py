@@ -3,8 +3,9 @@
 **Shape.** Two upright cylinders touch along a line, and the pressure is centered where it does not
 tilt the robots. MuJoCo returns one point of that line, an end that changes from step to step, and
 the robots hop. Therefore hulls that are upright cylinders hit robots and walls with a sphere of
-the same radius at the height of the robot's center of mass. The cylinders touch only the carpet.
-Hulls of other shapes touch where MuJoCo finds contacts.
+the same radius at the height of the robot's center of mass. On the field, the cylinders touch only
+the carpet; in other scenes, everything but robots (`scene_contacts`). Hulls of other shapes touch
+where MuJoCo finds contacts.
 
 **Force.** The impedance d of a contact of spheres grows with the depth r. The deceleration is
 

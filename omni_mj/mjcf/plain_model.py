@@ -7,9 +7,9 @@ Rollers and hulls carry their contact bits and parameters:
 - All other geoms of a robot meet nothing.
 
 The contact of a roller has a time constant of 10 ms, an impedance of 0.97 or more and the friction
-1.5. With
-MuJoCo's pyramidal cones, timesteps from 1 to 5 ms and all integrators, robots follow their wheels
-within 1 % and do not hop. The stiff contacts of this program's worlds (`rollers`) would slip.
+1.5. With MuJoCo's pyramidal cones, timesteps from 1 to 5 ms and all integrators, robots follow
+their wheels within 1 % and do not hop. The stiff contacts of this program's worlds (`rollers`)
+would slip.
 """
 
 import math
@@ -132,10 +132,6 @@ def _build_standard_robot(settings: Settings, name: str) -> ElementTree.Element:
         for attribute, values in attributes.items():
             text = format_numbers(*np.atleast_1d(values))
             find_child(root, element_path).set(attribute, text)
-    used_meshes = {geom.get("mesh") for geom in root.iter("geom")}
-    for mesh in root.findall("asset/mesh"):
-        if mesh.get("name") not in used_meshes:
-            find_child(root, "asset").remove(mesh)
     return root
 
 

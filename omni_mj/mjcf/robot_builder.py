@@ -29,7 +29,6 @@ from omni_mj.mjcf.robot_parts import HINGE
 
 Element = ElementTree.Element
 DEFAULTS = "default/default"  # path of the class of all defaults
-ROLLER_GEOM = f"{DEFAULTS}/default[@class='roller']/geom"
 # Attributes of the classes of geoms in worlds of this program: only listed pairs touch.
 _NO_CONTACT = {"contype": "0", "conaffinity": "0"}
 _WORLD_CONTACTS = {"roller": _NO_CONTACT, "hull": {**_NO_CONTACT, "solref": "0.003 0.7"}}
@@ -70,7 +69,7 @@ def _build_standard_robot(mechanics: Mechanics) -> RobotSpec:
     del find_child(root, "worldbody/body/geom[@name='hull']").attrib["euler"]
     spec = mujoco.MjSpec.from_string(ElementTree.tostring(root, encoding="unicode"))
     spec.modelfiledir = str(path.parent)
-    set_chassis_inertia(spec, mechanics.body)
+    _set_chassis_inertia(spec, mechanics.body)
     for key in list(spec.keys):  # a keyframe fits only the world of one robot
         spec.delete(key)
     for number in range(1, len(mechanics.wheels.azimuths_deg) + 1):
@@ -99,7 +98,8 @@ def write_wheels(root: Element, mechanics: Mechanics) -> None:
     # Rollers are barrels. The radius of curvature of their profile is the wheel's radius.
     half_length = math.sqrt(wheels.radius_m * wheels.roller_radius_m)
     size = wheels.roller_radius_m, wheels.roller_radius_m, half_length
-    find_child(root, ROLLER_GEOM).set("size", " ".join(map(repr, size)))
+    roller_geom = find_child(root, f"{DEFAULTS}/default[@class='roller']/geom")
+    roller_geom.set("size", " ".join(map(repr, size)))
     _remove_skirts(root, wheels)
     _replicate_first(root, "actuator/dcmotor", count)
     _replicate_first(root, "sensor/jointpos", count)
@@ -110,17 +110,20 @@ def write_wheels(root: Element, mechanics: Mechanics) -> None:
 
 def _remove_skirts(root: Element, wheels: WheelSettings) -> None:
     """Remove the lower parts of the shell that would touch a wheel, by angles seen from above."""
-    chassis = find_child(root, "worldbody/body")
-    meshes = {mesh.get("name"): mesh.get("vertex", "") for mesh in root.findall("asset/mesh")}
+    chassis, assets = find_child(root, "worldbody/body"), find_child(root, "asset")
+    meshes = {mesh.get("name"): mesh for mesh in assets.findall("mesh")}
     half_angle = math.atan2(wheels.radius_m, wheels.arm_m)  # that a wheel takes up
     for geom in chassis.findall("geom"):
         if not geom.get("name", "").startswith("skirt_"):
             continue
-        points = meshes.get(geom.get("mesh")) or geom.attrib["pos"]
+        mesh = meshes.get(geom.get("mesh"))
+        points = geom.attrib["pos"] if mesh is None else mesh.attrib["vertex"]
         x, y, _ = np.array(points.split(), float).reshape(-1, 3).T
         angles = np.arctan2(y, x)[:, None] - np.radians(wheels.azimuths_deg)
         if (np.cos(angles) > math.cos(half_angle)).any():
             chassis.remove(geom)
+            if mesh is not None:
+                assets.remove(mesh)
 
 
 def _scale_hub(hub: Element, factor: float) -> None:
@@ -165,7 +168,7 @@ def find_child(parent: Element, path: str) -> Element:
     return element
 
 
-def set_chassis_inertia(spec: mujoco.MjSpec, body: BodySettings) -> None:
+def _set_chassis_inertia(spec: mujoco.MjSpec, body: BodySettings) -> None:
     """Set mass and inertia of the chassis to those of the robot minus those of the wheels.
 
     Raises:

@@ -14,7 +14,8 @@ friction mu, MuJoCo regularizes an edge of the pyramid by
     R = 2 mu^2 / i (1 - d) / d A (1 + mu^2)
 
 with the inverse effective mass A. Four edges share the normal force, so the added mass is
-m = 4 / R, from which d follows. The creep is R F / (2 mu^2 c / m) = 2 F / (mu^2 c), 1 mm/s at 2 N.
+m = 4 / R, from which d follows: (1 - d) / d is that of the field times 2 i / (mu^2 (1 + mu^2)).
+The creep is R F / (2 mu^2 c / m) = 2 F / (mu^2 c), 1 mm/s at 2 N.
 
 Steps longer than 2 ms need softer contacts: K and c fall so that K dt^2 and c dt stay the same.
 """
