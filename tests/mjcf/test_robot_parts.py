@@ -1,17 +1,18 @@
 """The parts of a robot are found by what they do, whatever else a model contains."""
 
-import re
 from pathlib import Path
 
 import mujoco
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 from own_robot import written
 
 import omni_mj as om
+from omni_mj.config.resolve import resolve_settings
+from omni_mj.mjcf.robot_builder import build_robot_spec
 from omni_mj.mjcf.robot_parts import RobotIndices, find_by_names, find_robots
 
-OURS = (Path(om.__file__).parents[1] / "models" / "ssl_robot.xml").read_text()
 # A turning and tilting arm with three fingers on its wrist, and a tracking wheel without a motor
 BODIES = """
 <body name="yaw" pos="0 0 0.15"><joint name="yaw"/><geom size="0.01" mass="0.1"/>
@@ -44,52 +45,29 @@ ARM = (
 )
 
 
-def name_parts(text: str) -> mujoco.MjSpec:
-    """Return the specification of a robot alone, with names for all its bodies and joints."""
-    spec = mujoco.MjSpec.from_string(re.sub("<(option|visual|size)[ >].*", "", text))
-    for element in [*spec.worldbody.geoms, *spec.worldbody.lights, *spec.keys]:
-        spec.delete(element)
-    n_children: dict[str, int] = {}
-    for body in spec.bodies[1:]:
-        parent = body.parent.name
-        n_children[parent] = n_children.get(parent, 0) + 1
-        body.name = body.name or f"{parent}_{n_children[parent]}"
-    for joint in spec.joints:
-        joint.name = joint.name or f"joint_of_{joint.parent.name}"
-    return spec
-
-
-def list_names(model: mujoco.MjModel, robot: RobotIndices, prefix: str) -> list[object]:
-    """Return the names of a robot's parts without their prefix, sorted by kind and wheel."""
-    qpos_names, dof_names = (
-        [
-            model.joint(joint).name
-            for joint in range(model.njnt)
-            for _ in range(np.size(getattr(model.joint(joint), field)))
-        ]
-        for field in ("qpos0", "damping")
-    )
-    sensors = {model.sensor_adr[i]: model.sensor(i).name for i in range(model.nsensor)}
-    kinds = [
-        [model.body(i).name for i in (robot.chassis, *robot.wheels, *robot.rims)],
-        [model.body(i).name for i in robot.rollers.ravel()],
-        [model.joint(i).name for i in robot.joints],
-        [model.actuator(i).name for i in robot.motors],
-        [sensors[i] for i in (*robot.encoders, robot.gyro - 2)],
-        [qpos_names[i] for i in (*robot.qpos, *robot.wheel_qpos, *robot.slip_qpos)],
-        [
-            dof_names[i]
-            for i in (*robot.dofs, *robot.wheel_dofs, *robot.slip_dofs, *robot.roller_dofs.ravel())
-        ],
+def read_state(model: mujoco.MjModel, robot: RobotIndices) -> list[NDArray]:
+    """Return state and sensor values of a robot's parts for random positions and speeds."""
+    data, rng = mujoco.MjData(model), np.random.default_rng(3)
+    data.qpos[robot.qpos] = rng.normal(size=len(robot.qpos))
+    data.qvel[robot.dofs] = rng.normal(size=len(robot.dofs))
+    mujoco.mj_forward(model, data)
+    return [
+        data.xpos[robot.bodies],
+        data.qpos[[*robot.wheel_qpos, *robot.slip_qpos]],
+        data.qvel[[*robot.wheel_dofs, *robot.slip_dofs, *robot.roller_dofs.ravel()]],
+        data.xanchor[robot.joints],
+        data.actuator_velocity[robot.motors],
+        data.sensordata[[*robot.encoders, robot.gyro]],
     ]
-    assert all(name.startswith(prefix) for names in kinds for name in names)
-    return [[name.removeprefix(prefix) for name in names] for names in kinds]
 
 
-@pytest.mark.parametrize("text", [OURS, written((60, 180, 300))])
-def test_a_robot_is_found_in_a_scene_of_other_things(text: str) -> None:
-    """In any pose, with an arm on it, next to others."""
-    alone = name_parts(text)
+@pytest.mark.parametrize("has_own_mjcf", [False, True])
+def test_a_robot_is_found_in_a_scene_of_other_things(has_own_mjcf: bool, tmp_path: Path) -> None:
+    """With an arm on it, which has motors and sensors, next to others."""
+    file = tmp_path / "own.xml"
+    file.write_text(written((60, 180, 300)))
+    sections = {"model": {"file": str(file)}} if has_own_mjcf else {}
+    alone = build_robot_spec(resolve_settings(sections).mechanics).spec.copy()
     alone_model = alone.compile()
     (expected,) = find_robots(alone_model)
     chassis = alone_model.body(expected.chassis).name
@@ -98,14 +76,16 @@ def test_a_robot_is_found_in_a_scene_of_other_things(text: str) -> None:
         robot = alone.copy()
         arm = mujoco.MjSpec.from_string(ARM)
         robot.attach(arm, frame=robot.body(chassis).add_frame(), prefix="arm_")
-        frame = scene.worldbody.add_frame(pos=[0.4, len(scene.bodies), 0.2], quat=[0.3, 0.5, 0, 1])
-        scene.attach(robot, frame=frame, prefix=prefix)
+        scene.attach(robot, frame=scene.worldbody.add_frame(pos=[0, 1, 1]), prefix=prefix)
     model = scene.compile()
     for prefix in ("a_", "b_"):
-        robot = find_by_names(expected, alone_model, model, ("", prefix))
-        assert list_names(model, robot, prefix) == list_names(alone_model, expected, "")
-    scene.delete(scene.actuator("b_" + alone_model.actuator(expected.motors[1]).name))
-    with pytest.raises(om.OmniError, match=r"the model has no actuator 'b_[^']*': compile"):
+        indices = find_by_names(expected, alone_model, model, ("", prefix))
+        for values, expected_values in zip(
+            read_state(model, indices), read_state(alone_model, expected), strict=True
+        ):
+            np.testing.assert_allclose(values, expected_values, atol=1e-9)
+    scene.delete(scene.sensor("b_" + alone_model.sensor(0).name))
+    with pytest.raises(om.OmniError, match=r"the model has no sensor 'b_[^']*': compile"):
         find_by_names(expected, alone_model, scene.compile(), ("", "b_"))
 
 
