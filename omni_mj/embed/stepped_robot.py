@@ -84,17 +84,14 @@ class SteppedRobot(MujocoRobots):
         column = values[:, None]
         self._voltages = column if name == "voltages" else None
         self._set_current_setpoint(column if name == "currents" else None)
-        velocity = values if name == "velocity" else np.zeros(3)
-        rim_speeds = None
-        if name == "wheel_speeds":
-            rim_speeds = values[None] * self._world.kinematics.radius
+        rim_speeds = values[None] * self._world.kinematics.radius
         self._receive(
             ReceivedCommand(
-                velocity[None],
+                values[None] if name == "velocity" else np.zeros((1, 3)),
                 np.full(1, np.nan),
                 np.zeros(1, int),
                 in_body_frame=np.ones(1, bool),
-                rim_speeds=rim_speeds,
+                rim_speeds=rim_speeds if name == "wheel_speeds" else None,
             )
         )
 

@@ -296,11 +296,11 @@ def _prepare_hinges(
     ):
         hub = spec.joint(model.joint(joint).name)
         slip_hinges = find_slip_hinges(model, joint, rim)
-        has_hub_direction, initial_slip = True, 0.0
+        has_hub_direction = True
+        initial_slip = model.qpos0[model.jnt_qposadr[slip_hinges]].sum()
         if slip_hinges:
             slip = spec.joint(model.joint(slip_hinges[0]).name)
             has_hub_direction = data.xaxis[joint] @ data.xaxis[slip_hinges[0]] > 0
-            initial_slip = model.qpos0[model.jnt_qposadr[slip_hinges[0]]]
         else:
             body = spec.body(model.body(rim).name)
             name = _make_unique(f"slip_of_{hub.name}", joint_names)
@@ -383,17 +383,17 @@ def _has_uniform_rollers(model: mujoco.MjModel, robot: RobotIndices) -> bool:
 
 def _find_drive_errors(model: mujoco.MjModel, robot: RobotIndices) -> Iterator[str]:
     """Yield a line for each property of a wheel or its motor that is not supported."""
-    gears, armatures = model.actuator_gear[robot.motors, 0], model.actuator_armature[robot.motors]
-    for motor, joint, gear, armature, roller_dofs in zip(
-        robot.motors, robot.joints, gears, armatures, robot.roller_dofs, strict=True
+    gears, armatures = model.actuator_gear[:, 0], model.actuator_armature
+    for motor, joint, roller_dofs in zip(
+        robot.motors, robot.joints, robot.roller_dofs, strict=True
     ):
-        name = model.actuator(motor).name
+        name, gear = model.actuator(motor).name, gears[motor]
         if gear <= 0:
             yield (
                 f"the gear of the <dcmotor> {name!r} must be above 0, not {gear:g}; turn the "
                 "hinge's axis"
             )
-        if armature + model.dof_armature[model.jnt_dofadr[joint]] <= 0:
+        if armatures[motor] + model.dof_armature[model.jnt_dofadr[joint]] <= 0:
             yield f"the <dcmotor> {name!r} has no rotor: give its inertia in kg m^2, armature="
         unsupported = (
             model.actuator_gainprm[motor, 2:],
@@ -418,7 +418,8 @@ def _find_drive_errors(model: mujoco.MjModel, robot: RobotIndices) -> Iterator[s
             f"the hinge {model.joint(joint).name!r} must be moved by its <dcmotor> alone: remove "
             "its other actuators, tendons and equalities"
         )
-    for quantity, values in (("gears", gears), ("rotors' inertias", armatures)):
+    for quantity, all_values in (("gears", gears), ("rotors' inertias", armatures)):
+        values = all_values[robot.motors]
         if np.ptp(values) > 1e-6 * np.abs(values).max():
             listed = ", ".join(f"{value:g}" for value in values)
             yield f"motors must be equal, but their {quantity} are {listed}"

@@ -54,7 +54,8 @@ def _format_tag(element: ElementTree.Element, indent: str, end: str) -> list[str
     """Return the lines of an element's opening tag, broken between attributes."""
     words = [f"<{element.tag}"]
     for name, value in element.attrib.items():
-        words.append(f"{name}={quoteattr(_round_value(value))}".replace(" ", _UNBROKEN_SPACE))
+        rounded = _UNBROKEN_SPACE.join(map(_round_word, value.split()))
+        words.append(f"{name}={quoteattr(rounded)}")
     lines = textwrap.wrap(
         " ".join(words) + end,
         MAX_COLUMNS,
@@ -64,11 +65,6 @@ def _format_tag(element: ElementTree.Element, indent: str, end: str) -> list[str
         break_on_hyphens=False,
     )
     return [line.replace(_UNBROKEN_SPACE, " ") for line in lines]
-
-
-def _round_value(value: str) -> str:
-    """Return the value of an attribute on one line, with rounded numbers."""
-    return " ".join(_round_word(word) for word in value.split())
 
 
 def _round_word(word: str) -> str:

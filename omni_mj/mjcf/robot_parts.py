@@ -325,7 +325,7 @@ def _order_rollers(data: mujoco.MjData, joint: int, errors: list[str]) -> tuple[
     down = np.array([0.0, 0.0, -1.0])
     angles = np.arctan2(np.cross(spokes, down) @ axle, spokes @ down)
     slip_hinges = find_slip_hinges(model, joint, rim)
-    angles = angles + (model.qpos0[model.jnt_qposadr[slip_hinges[0]]] if slip_hinges else 0.0)
+    angles = angles + model.qpos0[model.jnt_qposadr[slip_hinges]].sum()
     count = len(bodies)
     if count == RETAINED_ROLLERS:
         return rim, bodies[np.argsort(np.abs(angles))], 0.0

@@ -10,6 +10,7 @@ from own_robot import written
 
 import omni_mj as om
 from omni_mj.config.resolve import resolve_settings
+from omni_mj.mjcf.attachable_robot import copy_world_attributes
 from omni_mj.mjcf.robot_builder import build_robot_spec
 from omni_mj.mjcf.robot_parts import RobotIndices, find_by_names, find_robots
 
@@ -74,6 +75,7 @@ def test_a_robot_is_found_in_a_scene_of_other_things(has_own_mjcf: bool, tmp_pat
     scene = mujoco.MjSpec.from_string(ARM)
     for prefix in ("a_", "b_"):
         robot = alone.copy()
+        copy_world_attributes(robot, scene)
         arm = mujoco.MjSpec.from_string(ARM)
         robot.attach(arm, frame=robot.body(chassis).add_frame(), prefix="arm_")
         scene.attach(robot, frame=scene.worldbody.add_frame(pos=[0, 1, 1]), prefix=prefix)
