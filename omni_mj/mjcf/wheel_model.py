@@ -41,18 +41,6 @@ GAIN_TIME_CONSTANT_S = 0.01  # of a velocity servo in the air; twice the largest
 MAX_ROLLER_RADIUS = 0.45  # relative to the radius of the wheel
 MAX_DEVIATION = 0.01  # of the height of the axle from the radius, relative to it
 MIN_ROLLERS = {90: 4, 45: 8}  # by angle, even if fewer would be round
-# Wheels of the base in the scene: name, model, x and y in radii of a wheel, yaw in deg.
-OMNI_BASE = (
-    ("wheel_1", "wheel", 1.5, 2.598076, 150),
-    ("wheel_2", "wheel", -3, 0, 270),
-    ("wheel_3", "wheel", 1.5, -2.598076, 30),
-)
-MECANUM_BASE = (
-    ("front_left", "left_wheel", 2, 2, 0),
-    ("front_right", "right_wheel", 2, -2, 0),
-    ("rear_left", "right_wheel", -2, 2, 0),
-    ("rear_right", "left_wheel", -2, -2, 0),
-)
 
 
 class WheelDesign(SettingsModel):
@@ -170,26 +158,9 @@ def render_wheel_files(design: WheelDesign) -> dict[str, bytes]:
         rows = "".join(_render_row(design, row, sign) for row in range(design.rows))
         texts[f"{model}.xml"] = _fill("wheel.xml", placeholders, model=model, rows=rows)
     files = "".join(f"| `{name}` | the {name[:-4].replace('_', ' ')} |\n" for name in texts)
-    base = MECANUM_BASE if design.is_mecanum else OMNI_BASE
-    radius = design.radius
-    texts["scene.xml"] = _fill(
-        "scene.xml",
-        placeholders,
-        models="".join(f'    <model name="{model}" file="{model}.xml"/>\n' for model in signs),
-        mounts="".join(
-            f'      <frame pos="{x * radius:.6g} {y * radius:.6g} 0" euler="0 0 {yaw}">\n'
-            f'        <attach model="{model}" body="wheel" prefix="{name}_"/>\n      </frame>\n'
-            for name, model, x, y, yaw in base
-        ),
-        actuators="".join(
-            f'    <velocity name="{name}" joint="{name}_wheel" kv="{placeholders["gain"]}" '
-            'ctrlrange="-20 20"/>\n'
-            for name, *_ in base
-        ),
-        base_mass=f"{len(base) * (design.nominal_load - design.actual_mass):.4g}",
-    )
-    kind = "Mecanum" if design.is_mecanum else "Omni"
-    texts["README.md"] = _fill("README.md", placeholders, files=files, kind=kind)
+    kind = "mecanum" if design.is_mecanum else "omni"
+    texts["scene.xml"] = _fill(f"{kind}_scene.xml", placeholders)
+    texts["README.md"] = _fill("README.md", placeholders, files=files, kind=kind.title())
     texts["LICENSE"] = (find_models_folder() / "LICENSE").read_text(encoding="utf-8")
     return {name: text.encode() for name, text in texts.items()}
 
@@ -220,6 +191,9 @@ def _compute_placeholders(design: WheelDesign) -> dict[str, str]:
         "armature": design.armature,
         "inertia": design.inertia,
         "gain": design.inertia / GAIN_TIME_CONSTANT_S,
+        "arm": 3 * R,  # of the omni wheels of the base
+        "half_track": 2 * R,  # of the mecanum wheels of the base
+        "base_mass": (4 if design.is_mecanum else 3) * (design.nominal_load - design.actual_mass),
         "extent": 7 * R,
     }
     texts = {name: f"{value:.4g}" for name, value in values.items()}
