@@ -81,8 +81,8 @@ def export_command(
     record = {"study": "export", "command": console.get_command_line()}
     with console.report_write_errors(folder):
         # --overwrite recognizes the folder by it.
-        environment = provenance.describe_environment()
-        write_json(folder / output_folders.PROVENANCE[0], record | environment)
+        record |= provenance.describe_environment()
+        write_json(folder / output_folders.PROVENANCE[0], record)
         for path, data in files.items():
             create_folder((folder / path).parent)
             with open_atomic(folder / path) as file:

@@ -193,11 +193,12 @@ def _compute_placeholders(design: WheelDesign) -> dict[str, str]:
         "gain": design.inertia / GAIN_TIME_CONSTANT_S,
         "arm": 3 * R,  # of the omni wheels of the base
         "half_track": 2 * R,  # of the mecanum wheels of the base
+        "base_half_width": 1.5 * R,
+        "base_half_height": 0.4 * R,
         "base_mass": (4 if design.is_mecanum else 3) * (design.nominal_load - design.actual_mass),
         "extent": 7 * R,
     }
-    texts = {name: f"{value:.4g}" for name, value in values.items()}
-    return texts | {"base_size": " ".join(f"{x * R:.4g}" for x in (2, 1.5, 0.4))}
+    return {name: f"{value:.4g}" for name, value in values.items()}
 
 
 def _render_row(design: WheelDesign, row: int, sign: int) -> str:
