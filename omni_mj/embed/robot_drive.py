@@ -240,18 +240,18 @@ def _make_world(robot: SceneRobot, model: mujoco.MjModel) -> World:
     # A robot of its kind alone on the field, with as many steps per cycle
     substeps = min(max(round(1 / (model.opt.timestep * CYCLE_RATE_HZ)), 1), MAX_SUBSTEPS)
     world = build_world(robot.settings.replace(physics={"substeps": substeps}))
-    (alone,) = world.robots
-    indices = find_by_names(alone, world.model, model, ("robot_1/", robot.prefix))
+    (plant_robot,) = world.robots
+    indices = find_by_names(plant_robot, world.model, model, ("robot_1/", robot.prefix))
     check_scene(model, indices)
     # The compiler rounds these differently in each pose.
-    model.body_invweight0[indices.bodies] = world.model.body_invweight0[alone.bodies]
-    model.dof_invweight0[indices.dofs] = world.model.dof_invweight0[alone.dofs]
+    model.body_invweight0[indices.bodies] = world.model.body_invweight0[plant_robot.bodies]
+    model.dof_invweight0[indices.dofs] = world.model.dof_invweight0[plant_robot.dofs]
     set_floor_contacts(model, indices, robot.settings.body.mass_kg / len(indices.joints))
     stiffen_slip_hinges(model, indices)
     # The battery limits voltages, which may exceed the model's range while motors brake.
     model.actuator_ctrllimited[indices.motors] = 0
     rest_qpos = model.qpos0.copy()
-    rest_qpos[indices.qpos] = world.rest_qpos[alone.qpos]
+    rest_qpos[indices.qpos] = world.rest_qpos[plant_robot.qpos]
     return replace(
         world,
         model=model,

@@ -111,7 +111,7 @@ def _build_standard_robot(settings: Settings, name: str) -> ElementTree.Element:
         inertial.set("diaginertia", format_numbers(*make_printable_moments(moments)))
     (chassis,) = build_robot_spec(settings.mechanics).spec.worldbody.bodies
     motor, drivetrain = settings.motor, settings.drivetrain
-    numbers: dict[str, dict[str, Any]] = {  # path -> attributes
+    attributes_by_path: dict[str, dict[str, Any]] = {
         f"{DEFAULTS}/default[@class='wheel']/joint": {
             "frictionloss": settings.hub_friction_nm,
             "damping": motor.wheel_viscous_friction_nm_s,
@@ -128,7 +128,7 @@ def _build_standard_robot(settings: Settings, name: str) -> ElementTree.Element:
             "fullinertia": chassis.fullinertia,
         },
     }
-    for element_path, attributes in numbers.items():
+    for element_path, attributes in attributes_by_path.items():
         for attribute, values in attributes.items():
             text = format_numbers(*np.atleast_1d(values))
             find_child(root, element_path).set(attribute, text)

@@ -152,8 +152,8 @@ def find_by_names(
             if address_field:
                 starts = getattr(source, address_field)
                 ids = np.searchsorted(starts, values, side="right") - 1
-                parts = getattr(model, address_field)[find_parts(kind, ids)]
-                result[field] = parts + values - starts[ids]
+                new_starts = getattr(model, address_field)[find_parts(kind, ids)]
+                result[field] = new_starts + values - starts[ids]
             else:
                 result[field] = find_parts(kind, values)
     return replace(robot, **result)

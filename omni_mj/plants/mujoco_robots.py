@@ -92,11 +92,8 @@ class MujocoRobots(CyclewisePlant):
         """See `Plant`."""
         views = self._views
         slip = abs(views.slip_speed.get()) * self.parameters.carpet.radius
-        wheel_angle = views.wheel_angle.get()
-        wheel_speed = views.wheel_speed.get()
-        return Telemetry(
-            stack_telemetry(self.electronics, self._record, wheel_angle, wheel_speed, slip).T
-        )
+        wheels = views.wheel_angle.get(), views.wheel_speed.get()
+        return Telemetry(stack_telemetry(self.electronics, self._record, *wheels, slip).T)
 
     def compute_heading(self) -> Array:
         """Return the headings of robots, which may be tilted, (n,) rad in (-pi, pi]."""
