@@ -55,7 +55,8 @@ def add_robot(
         robot: Name of a built-in robot, path of a .toml file, or result of `load_robot`.
         prefix: Prefix of the names of the robot's elements.
         pose: Pose at the start, world frame, (3,) m, m, rad.
-        height: Height of the floor at the start, m, within 0.3 m. `bind` puts the robot on it.
+        height: Height of the floor at the start, m. `bind` puts the robot on the surface that is
+            nearest to it, within 0.3 m.
         **sections: Settings that replace those of the robot's file and the defaults, by section,
             for example carpet={"friction": 0.6} or battery={"charge": 0.5}.
 
@@ -69,6 +70,9 @@ def add_robot(
                 f"a robot in a scene cannot have {section}; choose from {', '.join(_SECTIONS)}"
             )
     x, y, heading = check_array("pose", pose, (3,)).tolist()
+    check_array("height", height, ())
+    if "\0" in prefix:
+        raise OmniError("prefix must be a text without NUL")
     height = check_array("height", height, ()).item()
     name = robot.name if isinstance(robot, Robot) else str(robot)
     firmware = {**_NO_TIMEOUT, **sections.get("firmware", {})}

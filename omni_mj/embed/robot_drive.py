@@ -7,7 +7,7 @@ import mujoco
 import numpy as np
 from numpy.typing import ArrayLike
 
-from omni_control.arguments import check_array
+from omni_control.arguments import check_array, check_integer, check_types
 from omni_control.errors import OmniError
 from omni_control.kinematics import Array
 from omni_mj.config import CYCLE_RATE_HZ
@@ -23,7 +23,9 @@ from omni_mj.mjcf.world_builder import World, build_world
 from omni_mj.plants.mujoco_plant import INSTABILITY_WARNINGS
 from omni_mj.plants.randomization import RobotVariation
 from omni_mj.robot.firmware import compute_encoder_counts
+from omni_mj.simulation.simulation import MAX_SEED
 
+_CALL_ORDER = "call before_step, mj_step and after_step in turn, or step"
 MAX_SUBSTEPS = 100  # limit of `physics.substeps`
 
 
@@ -47,6 +49,7 @@ class SceneRobot:
     pose: tuple[float, float, float]
     height: float
 
+    @check_types
     def bind(self, model: mujoco.MjModel, data: mujoco.MjData, seed: int = 0) -> "RobotDrive":
         """Return the drive of the robot in a compiled scene, at rest at its start.
 
@@ -58,10 +61,12 @@ class SceneRobot:
             seed: Seed of the noise of the gyro and other random numbers.
 
         Raises:
-            OmniError: The model does not contain the robot, nothing in it can touch the wheels, its
-                timestep exceeds 5 ms, or its options disable forces that the wheels need.
+            OmniError: The model does not contain the robot, there is no floor below it, the
+                timestep exceeds 5 ms, or options disable forces that the wheels need.
         """
-        return RobotDrive(self, model, data, seed)
+        if (model.nq, model.nv, model.nu) != (len(data.qpos), len(data.qvel), len(data.ctrl)):
+            raise OmniError("the data belong to another model: give mujoco.MjData(model)")
+        return RobotDrive(self, model, data, check_integer("seed", seed, 0, MAX_SEED))
 
 
 class RobotDrive:
@@ -89,19 +94,22 @@ class RobotDrive:
         self.reset()
 
     def reset(self, pose: ArrayLike | None = None) -> None:
-        """Put the robot at rest, with full batteries and cold motors, as it was at the start.
+        """Put the robot at rest, with battery and motors as they were at the start.
 
         Call it after a reset of the scene's data.
 
         Args:
             pose: Pose, world frame, (3,) m, m, rad. Default: that at the start.
+
+        Raises:
+            OmniError: There is no floor at the pose.
         """
         start = np.array(self._robot.pose) if pose is None else check_array("pose", pose, (3,))
         put_on_floor(self.model, self.data, self._world, self._views, start, self._robot.height)
         mujoco.mj_forward(self.model, self.data)
         ratio = Fraction(self.model.opt.timestep * CYCLE_RATE_HZ).limit_denominator(10**6)
         self._wheels = SteppedRobot(self._row, self._world, self._views, self._variation, ratio)
-        self._time = self.data.time
+        self._time, self._is_stepping = self.data.time, False
         self._warnings = self._count_warnings()
 
     def command(
@@ -159,27 +167,33 @@ class RobotDrive:
         """Run the firmware and write motor voltages and friction; call it before each `mj_step`.
 
         Raises:
-            OmniError: The data of the scene were reset, but the drive was not.
+            OmniError: The scene was stepped or reset without the drive.
         """
+        if self._is_stepping or self.data.time > self._time:
+            raise OmniError(f"a scene was stepped without the drive: {_CALL_ORDER}")
         if self.data.time < self._time:
             raise OmniError(
                 "the scene's time went back: call reset of the drive after the scene's data are "
                 "reset"
             )
+        self._is_stepping = True
         self._wheels.before_step()
 
     def after_step(self) -> None:
         """Read the sensors; call it after each `mj_step`.
 
         Raises:
-            OmniError: The simulation became unstable.
+            OmniError: The simulation became unstable, or was not advanced by one step.
         """
-        self._time = self.data.time
         if self._count_warnings() > self._warnings:
             raise OmniError(
                 f"the simulation became unstable at {self._time:g} s: use a shorter timestep, or "
                 "weaker actuators"
             )
+        step = self.model.opt.timestep
+        if not self._is_stepping or abs(self.data.time - self._time - step) > step / 2:
+            raise OmniError(f"the scene was not advanced by one step: {_CALL_ORDER}")
+        self._time, self._is_stepping = self.data.time, False
         self._wheels.after_step()
 
     @property

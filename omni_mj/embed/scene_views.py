@@ -78,7 +78,10 @@ class _NormalForces(EntryView):
     def __init__(self, robot: SceneViews, state: SceneArrays, world: World) -> None:
         addresses = world.load_addresses[0][:, None] + np.arange(-2, 1)
         super().__init__(state, "sensordata", addresses.reshape(1, -1))
-        self._robot = robot
+        self._robot, self._sources = robot, (state, world)
+
+    def __reduce__(self) -> tuple[type, tuple[object, ...]]:
+        return type(self), (self._robot, *self._sources)
 
     def get(self) -> Array:
         """Return the forces along the robot's z axis."""

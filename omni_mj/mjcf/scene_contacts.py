@@ -133,6 +133,8 @@ def check_scene(model: mujoco.MjModel, robot: RobotIndices) -> None:
             f"the timestep of the {'field' if has_pairs else 'scene'} is {step:g} s; wheels need "
             f"at most {max_step:g} s"
         )
+    if model.opt.gravity[2] >= 0:
+        raise OmniError("gravity must have a component downward, along -z: wheels stand by it")
     disabled = [
         name
         for name in _NEEDED_FORCES

@@ -1,5 +1,6 @@
 """Robots in scenes of others drive as on the plant `mujoco`, whatever the scene."""
 
+import copy
 from collections.abc import Sequence
 from typing import Any
 
@@ -165,7 +166,7 @@ def test_it_drives_uphill_as_the_plant_under_tilted_gravity(degrees: float) -> N
     "floor",
     [
         "<geom type='plane' size='5 5 1' condim='6' friction='0.1 0.1 0.1' priority='5'/>",
-        "<geom type='plane' size='5 5 1' margin='0.01'/>",
+        "<geom type='plane' size='5 5 1' margin='0.03'/>",
         "<geom type='plane' size='5 5 1' contype='4' conaffinity='4'/>",
         "<geom type='box' size='5 5 0.1' pos='0 0 -0.15' gap='0.01'/>",
         "<body mocap='true'><geom type='box' size='5 5 0.1'/></body>",
@@ -305,6 +306,41 @@ def test_mistakes_get_one_message() -> None:
         drive.step()
     drive.reset()
     drive.step()
+    mujoco.mj_step(model, data)
+    with pytest.raises(om.OmniError, match="without the drive"):
+        drive.step()
+    drive.reset()
+    drive.before_step()
+    mujoco.mj_step(model, data, nstep=2)
+    with pytest.raises(om.OmniError, match="not advanced by one step"):
+        drive.after_step()
+    with pytest.raises(om.OmniError, match="call before_step, mj_step and after_step in turn"):
+        drive.before_step()
+    with pytest.raises(om.OmniError, match="another model"):
+        robot.bind(model, mujoco.MjData(other))
+
+
+def test_it_is_put_on_the_floor_near_its_height() -> None:
+    """A shelf above, a floor that is too high, and none; a drive can be copied."""
+    scene = make_floor("plane")
+    scene.worldbody.add_geom(
+        type=mujoco.mjtGeom.mjGEOM_BOX, size=[0.5, 0.5, 0.02], pos=[0, 0, 0.27]
+    )
+    below = om.add_robot(scene, prefix="below_")
+    above = om.add_robot(scene, prefix="above_", height=0.3)
+    outside = om.add_robot(scene, prefix="outside_", height=1.0)
+    model = scene.compile()
+    data = mujoco.MjData(model)
+    for robot, height in ((below, 0.0), (above, 0.29)):
+        drive = robot.bind(model, data)
+        assert data.body(robot.chassis).xpos[2] == pytest.approx(height, abs=1e-3)
+    with pytest.raises(om.OmniError, match="no floor below the wheels of 'outside_chassis'"):
+        outside.bind(model, data)
+    twin = copy.deepcopy(drive)
+    step(drive, 10, velocity=[1.0, 0.0, 0.0])
+    step(twin, 10, velocity=[1.0, 0.0, 0.0])
+    assert (twin.data.qpos == data.qpos).all()
+    assert twin.data is not data
 
 
 @pytest.mark.parametrize(
