@@ -342,7 +342,7 @@ class Team:
                 )
             commands = commands.astype(float, copy=False)
             self._channels[i] = collect_channels(controller, len(commands))
-        except Exception as error:
+        except (Exception, SystemExit) as error:
             description = describe_error(type(controller), error)
             failure = ControllerError(f"{name} failed in frame {self.frame}{description}")
             failure.__cause__ = error

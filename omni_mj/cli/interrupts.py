@@ -1,5 +1,6 @@
 """Ctrl-C and other signals, which stop a command between two frames."""
 
+import os
 import signal
 from typing import Any
 
@@ -40,6 +41,15 @@ class Interrupts:
         """
         if reason:
             console.exit_with_error(f"{reason}; {message}", 128 + self._received)
+
+    def exit_at_once(self, message: str) -> None:
+        """Exit although code that hangs catches all exceptions: by the signal's code, or 1."""
+        try:
+            console.exit_with_error(
+                message, 128 + self._received if self._received else console.FAILED
+            )
+        except SystemExit as end:
+            os._exit(int(str(end.code)))
 
     def __enter__(self) -> "Interrupts":
         self._old_handlers = {

@@ -56,7 +56,7 @@ def play_command(
     from omni_mj.studies.run_scenario import StoppedError
 
     try:
-        from omni_mj.play.play_server import PlayServer
+        from omni_mj.play.play_server import DEFAULT_PORT, PlayServer
         from omni_mj.play.play_session import MAX_CONTROLLERS
     except ModuleNotFoundError as error:
         if error.name not in ("viser", "trimesh"):
@@ -68,6 +68,8 @@ def play_command(
 
     if len(scenario_options.controllers) > MAX_CONTROLLERS:
         raise OmniError(f"--controller may be repeated up to {MAX_CONTROLLERS} times")
+    if record and record.suffix != ".rrd":
+        raise OmniError(f"--record {record} must be a file whose name ends in .rrd")
     if record and not record.parent.is_dir():
         raise OmniError(f"--record: there is no folder {record.parent}")
 
@@ -75,13 +77,17 @@ def play_command(
         changed = options.ScenarioOptions(**vars(scenario_options) | dict(top_level))
         return changed.load_scenario(other_name or name)
 
-    with Interrupts() as interrupts, closing(PlayServer(load_scenario, port, record)) as server:
-        click.echo(f"playing at {server.url}")
-        if open_page:
-            webbrowser.open(server.url)
-        reason = None
+    reason = None
+    with Interrupts() as interrupts:
         try:
-            server.run(interrupts.check)
+            with closing(PlayServer(load_scenario, interrupts, port, record)) as server:
+                note = ""
+                if port is None and not server.url.endswith(f":{DEFAULT_PORT}/"):
+                    note = f" (port {DEFAULT_PORT}, which links in the lessons need, is in use)"
+                click.echo(f"playing at {server.url}{note}")
+                if open_page:
+                    webbrowser.open(server.url)
+                server.run()
         except StoppedError as error:
             reason = str(error)
-    interrupts.exit_if_stopped(reason, f"{server.session.snapshot.time_s:.1f} s were played")
+    interrupts.exit_if_stopped(reason, "the session has ended")

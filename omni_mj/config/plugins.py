@@ -27,7 +27,7 @@ PLANTS: dict[str, str] = {  # to add a plant, add a line here
     "live": "omni_mj.live.live_loop:LivePlant",
 }
 _PLANT_METHODS = ("pose", "twist", "advance", "telemetry")  # required; see `omni_mj.plants.Plant`
-_USER_MODULE_PREFIX = "omni_user_"
+USER_MODULE_PREFIX = "omni_user_"
 
 
 def find_controller(spec: ControllerSpec) -> type[Controller]:
@@ -86,7 +86,7 @@ def _guard_method(plant_class: type[Any], method: str) -> Callable[..., Any]:
     def guarded(*arguments: Any, **keywords: Any) -> Any:
         try:
             return getattr(plant_class, method)(*arguments, **keywords)
-        except Exception as error:
+        except (Exception, SystemExit) as error:
             description = describe_error(plant_class, error)
             raise OmniError(f"the plant {plant_class.__name__}{description}") from error
 
@@ -167,7 +167,7 @@ def load_class(name: str, requirement: str, is_suitable: Callable[[type], bool])
 @lru_cache
 def _run_file(file: Path, modified_ns: int) -> ModuleType:
     """Run a Python file as a module. The modification time keys the cache."""
-    module = ModuleType(_USER_MODULE_PREFIX + file.stem)
+    module = ModuleType(USER_MODULE_PREFIX + file.stem)
     module.__file__ = str(file)
     sys.modules[module.__name__] = module  # where dataclasses resolve annotations
     try:

@@ -2,13 +2,12 @@
 
 import asyncio
 import math
-import signal
 import time
-from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager, redirect_stdout, suppress
+from collections.abc import Callable, Mapping
+from contextlib import AbstractContextManager, redirect_stdout, suppress
 from functools import partial
 from pathlib import Path
-from typing import Any, NoReturn
+from typing import Any, Protocol
 from urllib.parse import urlsplit
 
 import viser
@@ -17,19 +16,30 @@ from omni_control.errors import OmniError
 from omni_mj.config import PERIOD_S, plugins
 from omni_mj.config.scenario import Scenario
 from omni_mj.play.play_page import PlayPage
-from omni_mj.play.play_session import PlaySession
+from omni_mj.play.play_session import MAX_CONTROLLERS, PlaySession
 from omni_mj.play.state_links import load_link
-from omni_mj.studies.run_scenario import quiet_mujoco
+from omni_mj.play.time_limit import USER_LIMIT_S, TimeLimitError, limit_time
+from omni_mj.studies.run_scenario import StoppedError, quiet_mujoco
 
 HOST, DEFAULT_PORT = "127.0.0.1", 8642
 VIEW_PERIOD_S, PLOT_PERIOD_S = 1 / 30, 0.2
 IDLE_S = 0.03  # between checks while nothing moves
 CLOSED_S = 5.0  # without a page, after the last one was closed, until the program ends
-FRAME_LIMIT_S, ACTION_LIMIT_S = 3.0, 60.0  # longest time of a frame, and of a restart
+ACTION_LIMIT_S = 60.0  # longest time of a restart
 MAX_LAG_S = 0.1  # behind real time, after which frames are dropped
 MAX_HEAD_BYTES = 65_536  # of an HTTP request
 
 LoadScenario = Callable[[str | None, Mapping[str, Any]], Scenario]
+
+
+class StopRequests(Protocol):
+    """Signals that ask for the end, as `omni_mj.cli.interrupts.Interrupts` stores them."""
+
+    def check(self) -> None:
+        """Raise `StoppedError` if the session must end."""
+
+    def exit_at_once(self, message: str) -> None:
+        """End the process, even if users' code hangs."""
 
 
 class PlayServer:
@@ -40,6 +50,7 @@ class PlayServer:
     Args:
         load_scenario: Returns a scenario, given its name (None: that of the command line) and
             values of its top level, such as the plant.
+        stop_requests: Signals that end the session.
         port: Port of the page; 0 for any. Default: 8642, or any if that is in use.
         record: Recording file to write.
 
@@ -51,25 +62,37 @@ class PlayServer:
 
     Raises:
         OmniError: The scenario is wrong, or the port is in use.
+        StoppedError: A signal came meanwhile.
     """
 
     def __init__(
-        self, load_scenario: LoadScenario, port: int | None = None, record: Path | None = None
+        self,
+        load_scenario: LoadScenario,
+        stop_requests: StopRequests,
+        port: int | None = None,
+        record: Path | None = None,
     ) -> None:
         quiet_mujoco()
         self.load_scenario, self.speed, self.repeat = load_scenario, 1.0, record is None
-        scenario = load_scenario(None, {})
-        self._own_name = scenario.name
-        self.session = PlaySession(scenario, record=record)
+        self._stop_requests = stop_requests
         self._requests: dict[str, Callable[[], None]] = {}
         self._frames, self._real_time_factor = 0, math.inf
         self._seen_page_at: float | None = None
+        try:  # users' files may import large packages
+            with self._limit_time(ACTION_LIMIT_S, user_limit_s=ACTION_LIMIT_S):
+                scenario = load_scenario(None, {})
+                self.session = PlaySession(scenario, record=record)
+        except TimeLimitError as error:
+            stop_requests.check()
+            raise OmniError(str(error)) from error
+        self._own_name = scenario.name
         self._file_times: dict[str, float] = {}
         with redirect_stdout(None):  # viser prints its address, which is not that of the page
             self._viser = viser.ViserServer(HOST, port=0, verbose=False)
         try:
             self.url = f"http://{HOST}:{self._accept_browsers(port)}/"
             self.page = PlayPage(self, self._viser)
+            self._name_left_out(scenario)
         except BaseException:
             self.close()
             raise
@@ -81,18 +104,18 @@ class PlayServer:
     def load(self, name: str, top_level: Mapping[str, Any]) -> None:
         """Load a scenario by the name that the menu shows, and restart."""
         own_name = self._own_name == name
-        self.session.restart(self.load_scenario(None if own_name else name, top_level))
+        self._play(self.load_scenario(None if own_name else name, top_level))
 
-    def run(self, check: Callable[[], None]) -> None:
+    def run(self) -> None:
         """Run until the last page is closed.
 
-        Args:
-            check: Called in every frame; an exception that it raises ends the loop.
+        Raises:
+            StoppedError: A signal came.
         """
         due = viewed = plotted = rate_measured = time.monotonic()
         snapshot = self.session.snapshot
         while not self._is_left():
-            check()
+            self._stop_requests.check()
             if self._requests:
                 self._carry_out_requests()
                 rate_measured, self._frames = time.monotonic(), 0
@@ -125,13 +148,41 @@ class PlayServer:
             self._viser.stop()
         self.session.close()
 
+    def _play(self, scenario: Scenario) -> None:
+        """Restart with another scenario."""
+        self.session.restart(scenario)
+        self._name_left_out(scenario)
+
+    def _name_left_out(self, scenario: Scenario) -> None:
+        """Say which controllers of a scenario are not shown."""
+        labels = map(plugins.label_controller, scenario.controllers[MAX_CONTROLLERS:])
+        if left_out := ", ".join(labels):
+            self.page.show_message(f"Left out: {left_out}. At most {MAX_CONTROLLERS} are shown.")
+
+    def _limit_time(self, limit_s: float, **limits: float) -> AbstractContextManager[None]:
+        """Limit the time of a block; see `limit_time`."""
+        return limit_time(limit_s, self._must_end, self._end_at_once, **limits)
+
+    def _must_end(self) -> bool:
+        """Return whether a signal came, or all pages are closed."""
+        with suppress(StoppedError):
+            self._stop_requests.check()
+            return self._seen_page_at is not None and self._is_left()
+        return True
+
+    def _end_at_once(self, message: str) -> None:
+        """End the process. Finish the recording if there is one."""
+        with suppress(BaseException):
+            self.session.close()
+        self._stop_requests.exit_at_once(message)
+
     def _advance(self) -> Any:
-        """Advance by a frame. Pause if that takes too long, or if a controller calls sys.exit."""
+        """Advance by a frame. Pause if that takes too long."""
         try:
-            with time_limit(FRAME_LIMIT_S):
+            with self._limit_time(USER_LIMIT_S):
                 return self.session.advance()
-        except (TimeoutError, SystemExit) as error:
-            self.page.show_message(f"Paused by {error!r}. Restart, or choose other controllers.")
+        except TimeLimitError as error:
+            self.page.show_message(f"Paused: {error}. Restart, or choose other controllers.")
             self.speed = 0.0
             return self.session.snapshot
 
@@ -145,10 +196,10 @@ class PlayServer:
                 self.page.show_message("")
             for step in (action, partial(self.page.refresh, key)):
                 try:
-                    with time_limit(ACTION_LIMIT_S):
+                    with self._limit_time(ACTION_LIMIT_S):
                         step()
-                except (OmniError, TimeoutError, SystemExit) as error:
-                    self.page.show_message(str(error) or repr(error))
+                except (OmniError, TimeLimitError) as error:
+                    self.page.show_message(str(error))
 
     def _reload_saved_files(self) -> None:
         """Restart with the new code of a controller's file that was saved."""
@@ -195,9 +246,11 @@ class PlayServer:
             headers.get("origin", f"http://{host}") != f"http://{host}"
         ):
             return await _respond(writer, "403 Forbidden")
+        if self._seen_page_at is not None:  # it may be reloaded before it is complete
+            self._seen_page_at = time.monotonic()
         query = urlsplit(lines[0].split(" ")[1]).query if lines[0].startswith("GET /?") else ""
         if query:
-            self.request("link", lambda: self.session.restart(load_link(query)))
+            self.request("link", lambda: self._play(load_link(query)))
             return await _respond(writer, "303 See Other\r\nLocation: /")
         try:
             to_viser = await asyncio.open_connection(HOST, self._viser.get_port())
@@ -205,21 +258,6 @@ class PlayServer:
             return writer.close()
         to_viser[1].write(head)
         await asyncio.gather(_pass_on(reader, to_viser[1]), _pass_on(to_viser[0], writer))
-
-
-@contextmanager
-def time_limit(seconds: float) -> Iterator[None]:
-    """Raise TimeoutError in the main thread if the block takes longer."""
-
-    def stop(*_: object) -> NoReturn:
-        raise TimeoutError(f"this took longer than {seconds:g} s")
-
-    signal.signal(signal.SIGALRM, stop)
-    signal.setitimer(signal.ITIMER_REAL, seconds)
-    try:
-        yield
-    finally:
-        signal.setitimer(signal.ITIMER_REAL, 0)
 
 
 async def _respond(writer: asyncio.StreamWriter, status: str) -> None:

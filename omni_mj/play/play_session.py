@@ -19,6 +19,7 @@ from omni_mj.config import FRAME_RATE_HZ, PERIOD_S, faults, plugins
 from omni_mj.config.scenario import Scenario
 from omni_mj.config.settings import find_setting
 from omni_mj.config.validation import MAX_COORDINATE_M
+from omni_mj.play.time_limit import TimeLimitError
 from omni_mj.results.alpha_windows import ALPHA_START_FRAMES, ALPHA_WINDOW_FRAMES, driven_alpha
 from omni_mj.simulation.changeable_simulation import ChangeableSimulation
 
@@ -267,7 +268,7 @@ class PlaySession:
         """
         try:
             plugins.find_controller(spec)
-        except OmniError as error:
+        except (OmniError, TimeLimitError) as error:
             label = plugins.label_controller(spec)
             rows = [i for i, row in enumerate(self.simulation.rows) if row.controller == label]
             self.simulation.stop_rows(np.array(rows, int), error)

@@ -7,12 +7,13 @@ import socket
 import subprocess
 import sys
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 from urllib.request import Request, urlopen
 
 import pytest
+from commands import invoke
 
 from omni_control.errors import OmniError
 from omni_mj.config.scenario import load_scenario
@@ -36,15 +37,15 @@ class Mine(om.Controller):
 
 
 @contextmanager
-def play(*args: str) -> Iterator[tuple[str, subprocess.Popen[str]]]:
-    """Play, and yield the address of the page and the process."""
-    command = [sys.executable, "-m", "omni_mj", "play", "--no-open", "--port", "0", *args]
+def play(*args: str, port: str = "--port=0") -> Iterator[tuple[str, subprocess.Popen[str]]]:
+    """Play, and yield the first line after "playing at ", the address, and the process."""
+    command = [sys.executable, "-m", "omni_mj", "play", "--no-open", *port.split(), *args]
     with subprocess.Popen(
         command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
     ) as process:
         assert process.stdout
         try:
-            yield process.stdout.readline().split()[-1], process
+            yield process.stdout.readline()[len("playing at ") :].strip(), process
         finally:
             process.kill()
 
@@ -99,25 +100,59 @@ def test_a_slider_makes_a_robot_oscillate_and_a_click_lets_it_arrive() -> None:
         assert process.wait(15) == 0
 
 
+HANG = """
+import time
+print("running", flush=True)
+while True:
+    try: time.sleep(9)
+    except {exception}: pass
+"""
+
+
 def test_a_saved_file_that_hangs_is_named_until_it_is_saved_again(tmp_path: Path) -> None:
+    """Also in the import, and if it catches exceptions. A link may name too many controllers."""
     mine, message = tmp_path / "mine.py", "longer than 3 s"
     mine.write_text(CONTROLLER.format(line="pass"))
     options = ["--plant", "kinematic", "--controller", f"{mine}:Mine"]
     with play(*options) as (url, _), browse(url) as page:
         page.get_by_text("Mine").first.wait_for()
         page.wait_for_timeout(600)
-        mine.write_text(CONTROLLER.format(line="while True: pass"))
+        mine.write_text(HANG.format(exception="Exception") + CONTROLLER.format(line="pass"))
         page.get_by_text(message).wait_for(timeout=20_000)
         mine.write_text(CONTROLLER.format(line="pass"))
         page.get_by_text(message).wait_for(state="detached", timeout=20_000)
+        page.goto(f"{url}?plant=kinematic&controllers=p,flc,comp-flc,inverse-flc")
+        page.get_by_text("Left out: inverse-flc").wait_for()
+
+
+def test_a_signal_ends_a_file_that_hangs_whatever_it_catches(tmp_path: Path) -> None:
+    mine = tmp_path / "mine.py"
+    mine.write_text(HANG.format(exception="BaseException"))
+    with play("--controller", f"{mine}:Mine") as (_, process):
+        process.send_signal(signal.SIGHUP)
+        assert process.wait(10) == 128 + signal.SIGHUP
+        assert process.stderr
+        assert "of mine.py hangs and could not be stopped" in process.stderr.read()
 
 
 def test_a_signal_ends_it_and_frees_the_port() -> None:
-    with play() as (url, process):
-        process.send_signal(signal.SIGTERM)
-        assert process.wait(10) == 128 + signal.SIGTERM
-        with socket.socket() as free:
-            free.bind(("127.0.0.1", int(url.rstrip("/").rpartition(":")[2])))
+    """The first line says that the port of links is in use. The port is then another one."""
+    with socket.socket() as occupied:
+        with suppress(OSError):  # then another program occupies it
+            occupied.bind(("127.0.0.1", 8642))
+            occupied.listen()
+        with play(port="") as (line, process):
+            url, note = line.split(maxsplit=1)
+            assert "8642, which links in the lessons need, is in use" in note
+            process.send_signal(signal.SIGTERM)
+            assert process.wait(10) == 128 + signal.SIGTERM
+    with socket.socket() as free:
+        free.bind(("127.0.0.1", int(url.rstrip("/").rpartition(":")[2])))
+
+
+def test_a_recording_must_end_in_rrd(capsys: pytest.CaptureFixture[str]) -> None:
+    assert invoke("play", "--record", "x.txt") == 2
+    assert "x.txt must be a file whose name ends in .rrd" in capsys.readouterr().err
 
 
 def test_pages_of_other_sites_are_refused() -> None:

@@ -250,7 +250,7 @@ def collect_channels(controller: Controller, n: int) -> dict[str, Array]:
     return channels
 
 
-def describe_error(failing_class: type, error: Exception) -> str:
+def describe_error(failing_class: type, error: BaseException) -> str:
     """Return ' (FILE, line N): TYPE: MESSAGE' for an exception raised in the file of a class."""
     try:
         file = inspect.getfile(failing_class)

@@ -140,7 +140,7 @@ def make_controller(
     try:
         instance.__init__(model, reference, n)  # type: ignore[misc]
         collect_channels(instance, n)
-    except Exception as error:
+    except (Exception, SystemExit) as error:
         raise ControllerError(
             f"{controller_class.__name__} cannot be made{describe_error(controller_class, error)}"
         ) from error
