@@ -18,14 +18,14 @@ if TYPE_CHECKING:
 WINDOW_S = 10.0
 STRIDE = 3  # frames between points
 HEIGHT_PX = 124
-DASH = (5, 4)
-# Title -> range of the vertical axis (None: that of the data), and whether each robot has a second,
-# dashed line: the truth.
+DOT_STRIDE = 4  # points between dots
+# Title -> range of the vertical axis (None: that of the data), and whether each robot has dots for
+# the truth. A line would join points across unknown values.
 PLOTS: dict[str, tuple[tuple[float, float] | None, bool]] = {
     "Position error, cm": (None, False),
     "Commanded speed, m/s": (None, False),
-    "Alpha forward: estimate, true (dashed)": (ALPHA_RANGE, True),
-    "Dead time, ms: estimate, true (dashed)": ((0.0, 350.0), True),
+    "Alpha forward: estimate, true (dots)": (ALPHA_RANGE, True),
+    "Dead time, ms: estimate, true (dots)": ((0.0, 350.0), True),
     "Hottest winding, °C": (None, False),
 }
 
@@ -58,16 +58,19 @@ class LivePlots:
         """Store the values of a frame."""
         if self._times.size and snapshot.time_s <= self._times[-1]:
             self._times, self._values = self._times[:0], self._values[:0]  # a restart
-        if round(snapshot.time_s * FRAME_RATE_HZ) % STRIDE:
+        frame = round(snapshot.time_s * FRAME_RATE_HZ)
+        if frame % STRIDE:
             return
+        is_dot = frame % (DOT_STRIDE * STRIDE) == 0
+        unknown = np.full(self._n, np.nan)
         dead_time = [row.settings.radio.delay_frames for row in self._session.simulation.rows]
         values = [
             np.nan_to_num(100 * snapshot.error_m),  # without a target: NaN
             np.hypot(*snapshot.command.T[:2]),
             snapshot.alpha_hat[:, 0],
-            snapshot.alpha[:, 0],
+            snapshot.alpha[:, 0] if is_dot else unknown,
             snapshot.latency_hat * 1000 / FRAME_RATE_HZ,
-            np.multiply(dead_time, 1000 / FRAME_RATE_HZ),
+            np.multiply(dead_time, 1000 / FRAME_RATE_HZ) if is_dot else unknown,
             np.nan_to_num(snapshot.winding_c),
         ]
         n_points = round(WINDOW_S * FRAME_RATE_HZ / STRIDE)
@@ -98,16 +101,15 @@ class LivePlots:
         has_truth: bool,
         colors: Sequence[style.Rgb],
     ) -> "viser.GuiUplotHandle":
-        """Add an empty plot with a line per robot, and a dashed one for the truth."""
+        """Add an empty plot with a line per robot, and with dots for the truth."""
         series: list[Any] = [{"label": "time, s"}]
-        for dash in ((), DASH)[: 1 + has_truth]:
+        for is_truth in (False, True)[: 1 + has_truth]:
             series += [
                 {
                     "label": label,
                     "stroke": f"rgb{color}",
-                    "width": 1.5,
-                    "dash": dash,
-                    "points": {"show": False},
+                    "width": 0 if is_truth else 1.5,
+                    "points": {"show": is_truth, "size": 3, "fill": f"rgb{color}", "width": 0},
                 }
                 for label, color in zip(self._session.labels, colors, strict=True)
             ]

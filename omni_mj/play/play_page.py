@@ -63,15 +63,16 @@ SLIDERS = {
     "control.speed_range_m_s": SliderInfo("Fuzzy v, m/s", 1.0, 0.1, 3.0, 0.05),
     "control.heading_gain": SliderInfo("Heading gain, 1/s", 1.0, 0.0, 20.0, 0.1),
 }
-# Label -> key, and direction of driving on the screen: along x, along y, turn.
+# Label -> key, and direction of driving on the screen: along x, along y, turn. Arrows, and
+# W, A, S, D, Q and E, move viser's camera; arrows also change the slider in focus.
 DRIVE_KEYS: dict[str, tuple[Any, tuple[int, int, int]]] = {
-    "\u2190": ("arrowleft", (-1, 0, 0)),
-    "\u2191": ("arrowup", (0, 1, 0)),
-    "\u2193": ("arrowdown", (0, -1, 0)),
-    "\u2192": ("arrowright", (1, 0, 0)),
-    "\u21ba": ("Q", (0, 0, 1)),
-    "\u21bb": ("E", (0, 0, -1)),
-    "Stop": ("S", (0, 0, 0)),
+    "\u2190": ("J", (-1, 0, 0)),
+    "\u2191": ("I", (0, 1, 0)),
+    "\u2193": ("K", (0, -1, 0)),
+    "\u2192": ("L", (1, 0, 0)),
+    "\u21ba": ("U", (0, 0, 1)),
+    "\u21bb": ("O", (0, 0, -1)),
+    "Stop": ("X", (0, 0, 0)),
 }
 
 
@@ -121,6 +122,8 @@ class PlayPage:
         self._plot_tab = self._plot_panel.add_tab("Plots")
         self._plot_panel.dock_left()
         self._plot_panel.set_width(PLOTS_PX)
+        self._plot_panel.expand()  # on phones
+        self._shown_area: Any = None
         web.scene.on_click()(self._set_target)
         self.refresh()
         web.on_client_connect(self._place_camera)
@@ -142,8 +145,8 @@ class PlayPage:
             box.value = False  # a restart
         try:
             self._link.value = f"{self._play.url}?{format_link(scenario)}"
-        except OmniError as error:
-            self._link.value = f"not available: {error}"
+        except OmniError:  # a user's file, or faults
+            self._link.value = "A link cannot hold this state; download the scenario instead."
 
     def show_message(self, text: str) -> None:
         """Show an error or a remark until the next request."""
@@ -155,9 +158,10 @@ class PlayPage:
         self.plots.send()
         remarks = [self._message, *snapshot.failures]
         if play.speed and real_time_factor < MIN_REAL_TIME_FACTOR * play.speed:
+            advice = ", or the plant planar" * (play.session.scenario.plant == "mujoco")
             remarks.append(
                 f"This computer is too slow: {real_time_factor:.2f} x real time. Show fewer "
-                "controllers, or the plant planar."
+                f"controllers{advice}."
             )
         state = ""
         if not play.speed:
@@ -196,6 +200,11 @@ class PlayPage:
         controllers = [row.controller for row in session.simulation.rows]
         self._colors = [style.rgb(style.color(indices[name])) for name in controllers]
         self.view = FieldView(self._web.scene, session, self._colors)
+        area = [*self.view.center, self.view.size_m]
+        if area != self._shown_area:
+            self._shown_area = area
+            for client in self._web.get_clients().values():
+                self._place_camera(client)
         with self._plot_tab:
             self.plots = LivePlots(self._gui, session, self._colors)
         self._add_sliders()
@@ -232,7 +241,13 @@ class PlayPage:
 
     def _change(self, name: str, value: float) -> None:
         """Change a setting to a value on its slider."""
-        if not self._play.session.change(name, round(value / self._infos[name].scale, 6)):
+        label, scale = self._infos[name][:2]
+        if name in SLIDERS:
+            setting = find_setting(name)
+            low, high = scale * setting.low, scale * setting.high
+            if not low <= value <= high:
+                raise OmniError(f"{label} must be {low:g} to {high:g}, got {value:g}")
+        if not self._play.session.change(name, round(value / scale, 6)):
             self.show_message(f"Restarted, because {name} cannot change while robots drive.")
 
     def _add_menus(self) -> None:
@@ -265,11 +280,19 @@ class PlayPage:
         """Load what the menus say, after a change of one."""
         values, scenario = self._menu_values() | {label: value}, self._play.session.scenario
         specs = [values[menu] for menu in CONTROLLER_MENUS if values[menu] != NONE]
-        if label == "Scenario":
-            self._play.load(value, {"controllers": specs})
-        elif label == "Robot":
-            top_level = {"controllers": specs, "plant": scenario.plant, "robot": value}
-            self._play.load(scenario.name, top_level)
+        if not specs:
+            raise OmniError("choose at least one controller")
+        if label in ("Scenario", "Robot"):
+            top_level = {"controllers": specs, "plant": scenario.plant, "robot": values["Robot"]}
+            reset = "The sliders are"
+            try:
+                self._play.load(values["Scenario"], top_level)
+            except OmniError:
+                if label == "Robot":
+                    raise
+                self._play.load(value, {"controllers": specs})  # only with a robot of its own
+                reset = "Robot, plant and sliders are"
+            self.show_message(f"{reset} those of the {label.lower()} {value} again.")
         else:
             self._play.session.restart(scenario.replace(plant=values["Plant"]), specs)
 
@@ -302,7 +325,7 @@ class PlayPage:
 
         with gui.add_folder("Drive"):
             gui.add_markdown(
-                "Click on the field to set a target. Keys: arrows, Q, E; S stops. "
+                "Click on the field to set a target. Keys: I, J, K, L; U, O turn; X stops. "
                 "Restart follows the scenario again."
             )
             group = gui.add_button_group("", list(DRIVE_KEYS))
@@ -343,12 +366,13 @@ class PlayPage:
         )
 
     def _place_camera(self, client: "viser.ClientHandle") -> None:
-        """Let a new page look at the reference, from farther away in a narrow window."""
+        """Let a page look at the reference, from farther away in a narrow window."""
         x, y = self.view.center
-        distance = 0.65 * self.view.size_m * max(1.0, 1.3 / client.camera.aspect)
+        aspect = client.camera.aspect
+        distance = 0.65 * self.view.size_m * max(1.0, (1.3 if aspect > 1 else 0.8) / aspect)
         client.camera.position = (x, y - 0.8 * distance, 0.8 * distance)
-        is_phone = client.camera.aspect < 1  # the controls cover the lower half
-        client.camera.look_at = (x, y - 0.6 * distance * is_phone, 0.0)
+        is_phone = aspect < 1  # the controls cover the lower half
+        client.camera.look_at = (x, y - 0.5 * distance * is_phone, 0.0)
 
     def _on(self, register: Callable[[Any], Any], key: str, action: Callable[[Any], None]) -> None:
         """Request an action, given the new value, when a control is used."""

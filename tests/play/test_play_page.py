@@ -1,5 +1,6 @@
 """The page of `omni-mj play` in a real browser, and what others may ask of its server."""
 
+import io
 import re
 import shutil
 import signal
@@ -12,11 +13,14 @@ from pathlib import Path
 from typing import Any
 from urllib.request import Request, urlopen
 
+import numpy as np
 import pytest
 from commands import invoke
+from PIL import Image
 
 from omni_control.errors import OmniError
 from omni_mj.config.scenario import load_scenario
+from omni_mj.viz import style
 
 pytest.importorskip("viser", reason="the extra play is not installed")
 from omni_mj.play.state_links import format_link, load_link
@@ -107,6 +111,46 @@ while True:
     try: time.sleep(9)
     except {exception}: pass
 """
+
+
+def choose(page: Any, label: str, option: str) -> None:
+    page.get_by_label(label, exact=True).first.click()
+    page.get_by_role("option", name=option, exact=True).click()
+
+
+def count_pixels(page: Any, controller: str) -> int:
+    """Count pixels of the 3-D view in the color of a controller."""
+    color = style.rgb(style.color(style.style_indices([controller])[controller]))
+    png = page.screenshot(clip={"x": 335, "y": 130, "width": 230, "height": 360})
+    pixels = np.asarray(Image.open(io.BytesIO(png)).convert("RGB"), int)
+    return int((np.abs(pixels - color).max(axis=2) < 40).sum())
+
+
+def test_controls_change_only_what_they_say() -> None:
+    """Arrows on a slider do not drive, and another scenario keeps the plant and is in view."""
+    with play("--plant", "kinematic", "--controller", "p") as (url, _), browse(url) as page:
+        page.set_viewport_size({"width": 900, "height": 1500})
+        page.locator("tr", has_text="p").last.wait_for()
+        page.get_by_role("slider").first.focus()
+        page.keyboard.press("ArrowRight")
+        page.wait_for_timeout(500)
+        assert len(errors_cm(page)) == 2
+        page.keyboard.press("i")
+        page.locator("td", has_text=re.compile("^$")).nth(1).wait_for(state="attached")
+        choose(page, "Controller 1", "none")
+        page.get_by_text("choose at least one controller").wait_for()
+        assert page.get_by_label("Controller 1", exact=True).first.input_value() == "p"
+        loss = page.get_by_role("textbox").nth(1)
+        loss.fill("97")
+        page.get_by_text("Radio loss, % must be 0 to 95, got 97").wait_for()
+        choose(page, "Scenario", "league")
+        page.get_by_text("The sliders are those of the scenario league again").wait_for()
+        assert page.get_by_label("Plant", exact=True).first.input_value() == "kinematic"
+        for _ in range(50):
+            page.wait_for_timeout(100)
+            if count_pixels(page, "p") > 20:
+                return
+        raise AssertionError("no robot is in view")
 
 
 def test_a_saved_file_that_hangs_is_named_until_it_is_saved_again(tmp_path: Path) -> None:
