@@ -50,8 +50,10 @@ def put_on_floor(
     # Wheels beyond the edge of the floor hang in the air.
     heights = np.array([(floor or known_floors[0])[0] for floor in floors])
     # Margins of both geoms add up. A margin would increase the radius of the wheels.
-    geoms = (model.body_rootid[model.geom_bodyid] == robot.chassis) & (model.geom_conaffinity > 0)
-    model.geom_margin[geoms] = -max(margin for _, margin in known_floors)
+    is_own = np.isin(model.geom_bodyid, robot.bodies)
+    model.geom_margin[is_own & (model.geom_conaffinity > 0)] = -max(
+        margin for _, margin in known_floors
+    )
     position = views.pose.get()
     if np.ptp(heights) == 0:
         position[2] += heights[0]

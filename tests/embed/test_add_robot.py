@@ -216,7 +216,12 @@ def test_it_carries_an_arm_and_leaves_other_motors_alone() -> None:
     arm = scene.body(carrier.chassis).add_body(pos=[0, 0, 0.17])
     arm.add_joint(name="shoulder", axis=[0, 0, 1])
     arm.add_geom(
-        type=mujoco.mjtGeom.mjGEOM_CAPSULE, fromto=[0, 0, 0, 0.1, 0, 0], size=[0.01] * 3, mass=0.5
+        name="arm",
+        type=mujoco.mjtGeom.mjGEOM_CAPSULE,
+        fromto=[0, 0, 0, 0.1, 0, 0],
+        size=[0.01] * 3,
+        mass=0.5,
+        margin=0.002,
     )
     motor = scene.add_actuator(
         name="shoulder", trntype=mujoco.mjtTrn.mjTRN_JOINT, target="shoulder"
@@ -237,6 +242,7 @@ def test_it_carries_an_arm_and_leaves_other_motors_alone() -> None:
         for drive in drives:
             drive.after_step()
     assert data.actuator("shoulder").ctrl[0] == 1.0
+    assert model.geom("arm").margin[0] == 0.002
     assert data.joint("shoulder").qpos[0] == pytest.approx(1.0, abs=0.1)
     payload = {"kind": "payload", "mass_kg": 0.5, "height_m": 0.17, "start_s": 0.0}
     loaded = drive_on_plant("tigers-v2016", twist, seconds=1.0, fault=[payload])
