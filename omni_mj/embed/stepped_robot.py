@@ -12,7 +12,6 @@ import numpy as np
 
 from omni_control.errors import OmniError
 from omni_control.kinematics import Array
-from omni_mj.config import CYCLES_PER_FRAME
 from omni_mj.config.rows import Row
 from omni_mj.mjcf.world_builder import World
 from omni_mj.network.radio import ReceivedCommand
@@ -20,6 +19,8 @@ from omni_mj.plants.mjdata_views import RobotViews
 from omni_mj.plants.mujoco_robots import MujocoRobots
 from omni_mj.plants.randomization import RobotVariation
 from omni_mj.robot.electronics import CycleRecord
+from omni_mj.robot.firmware_state import FrameInputs
+from omni_mj.robot.motors_and_drivers import compute_resistance
 
 # Largest product of timestep and rate of a wheel loop, by trials; with more, wheels on the floor
 # oscillate.
@@ -56,7 +57,6 @@ class SteppedRobot(MujocoRobots):
         self._cycles_per_step = cycles_per_step
         self._now = Fraction(0)  # time in cycles
         self._sensor_time = Fraction(-1)  # of the sensor values, in cycles
-        self._n_cycles = 0  # number of cycles so far
         self._runs_cycle = False  # whether a cycle ran before this step
         self._voltages: Array | None = None  # commanded voltages, (W, 1) V
         self._push_force = np.zeros((2, 1))
@@ -105,23 +105,13 @@ class SteppedRobot(MujocoRobots):
         gyro, angle = self._sensor_values
         change = self._views.wheel_angle.get() - angle  # since the sensors were read
         age = self._now - self._sensor_time
-        self._runs_cycle = self._n_cycles <= self._now
-        while self._n_cycles <= self._now:
+        self._runs_cycle = False
+        while (cycle := int(self.electronics.cycle)) <= self._now:
             # As on the plant, sensor values are one cycle old.
-            fraction = float((self._n_cycles - 1 - self._sensor_time) / age)
+            fraction = float((cycle - 1 - self._sensor_time) / age)
             self._sensor_values = gyro, angle + fraction * change
-            if self._cycle == 0:
-                self._begin_frame()
-                self._change_inputs(
-                    push_force=self.electronics.inputs.push_force + self._push_force
-                )
-            self.record = self._begin_cycle()
-            self._records.append(self.record)
-            self._cycle += 1
-            self._n_cycles += 1
-            if self._cycle == CYCLES_PER_FRAME:
-                self._cycle = 0
-                self._complete_frame()
+            self.advance_cycles(1, None)
+            self._runs_cycle = True
         if not self._runs_cycle:
             self._views.write_slip_limits(self._drag, self._views.load.get())
 
@@ -134,16 +124,19 @@ class SteppedRobot(MujocoRobots):
             self._views.wrap_rollers(self._roller_pitch)
         self._now += self._cycles_per_step
 
-    def _begin_cycle(self) -> CycleRecord:
+    def _advance_cycle(self) -> CycleRecord:
         if self._voltages is not None:
-            motors = self.electronics.motors
+            p, motors = self.parameters.electronics.motors, self.electronics.motors
             speed = self._views.wheel_speed.get()
-            resistance = motors.resistance + self.parameters.electronics.motors.commutation * abs(
-                speed
-            )
-            current = (self._voltages - motors.back_emf_constant * speed) / resistance
-            self._set_current_setpoint(current)
-        return super()._begin_cycle()
+            back_emf = motors.back_emf_constant * speed
+            resistance = compute_resistance(p, motors, speed)
+            self._set_current_setpoint((self._voltages - back_emf) / resistance)
+        self.record = self._begin_cycle()
+        return self.record
+
+    def _take_inputs(self) -> FrameInputs:
+        inputs = super()._take_inputs()
+        return inputs._replace(push_force=inputs.push_force + self._push_force)
 
     def _set_current_setpoint(self, current: Array | None) -> None:
         """Let the drivers hold currents (W, 1), in A, in place of the firmware's duty cycles."""
@@ -154,6 +147,3 @@ class SteppedRobot(MujocoRobots):
         """Change inputs of the present frame."""
         state = self.electronics
         self.electronics = state._replace(inputs=state.inputs._replace(**inputs))
-
-    def _advance_cycle(self) -> CycleRecord:
-        raise NotImplementedError("the scene advances the robot")

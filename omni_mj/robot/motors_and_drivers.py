@@ -147,7 +147,7 @@ def drive_motors(
     """
     xp = namespace(voltage)
     back_emf = s.back_emf_constant * wheel_speed
-    resistance = s.resistance + p.commutation * abs(wheel_speed)
+    resistance = compute_resistance(p, s, wheel_speed)
     voltage = xp.where(is_powered, voltage, back_emf)
     current = (voltage - back_emf) / resistance
     is_limited = abs(current) > p.current_limit
@@ -156,6 +156,11 @@ def drive_motors(
         voltage = xp.where(is_limited, back_emf + limit * resistance, voltage)
         current = xp.where(is_limited, limit, current)
     return voltage, current, is_limited
+
+
+def compute_resistance(p: MotorParameters, s: MotorState, wheel_speed: Array) -> Array:
+    """Return the resistances R + X |w| at speeds of the wheels (W, n) in rad/s, (W, n) ohm."""
+    return s.resistance + p.commutation * abs(wheel_speed)
 
 
 def compute_load_friction(p: MotorParameters, s: MotorState, current: Array) -> Array:
@@ -191,7 +196,7 @@ def override_duty(
         battery_voltage: Voltage at the terminals of the battery, (n,) V.
     """
     xp = namespace(duty)
-    resistance = s.resistance + p.commutation * abs(wheel_speed)
+    resistance = compute_resistance(p, s, wheel_speed)
     voltage = s.back_emf_constant * wheel_speed + current_setpoint * resistance
     is_powered = battery_voltage > 0
     setpoint_duty = clip(voltage / xp.where(is_powered, battery_voltage, 1.0), -1.0, 1.0)
