@@ -1,7 +1,7 @@
 """Controls of the page: status, buttons, sliders, menus, keys, and the state as file and link."""
 
 import html
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from functools import partial
 from operator import attrgetter
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -99,13 +99,10 @@ class PlayPage:
         gui.main_panel.dock_right()
         gui.main_panel.set_width(PANEL_PX)
         self._status = gui.add_html("")
-        actions = {
-            "Pause": self._pause,
-            "Continue": self._continue,
-            "Restart": self._restart,
-        }
-        group = gui.add_button_group("", list(actions))
-        self._on(group.on_click, "pause", lambda name: actions[name]())
+        self._add_buttons(
+            "pause",
+            {"Pause": self._pause, "Continue": self._continue, "Restart": self._restart},
+        )
         self._speed = gui.add_dropdown("Speed", list(SPEEDS), hint="simulated time over real time")
         self._on(self._speed.on_update, "pause", lambda _: self._continue())
         repeat = gui.add_checkbox("Repeat", play.repeat, hint="restart when the reference ends")
@@ -305,8 +302,7 @@ class PlayPage:
                 "Spill debris": session.spill_debris,
                 "Carry away": session.carry_away,
             }
-            group = gui.add_button_group("", list(actions))
-            self._on(group.on_click, "disturb", lambda name: actions[name]())
+            self._add_buttons("disturb", actions)
             for label, act in (
                 ("Radio lost", session.set_radio_lost),
                 ("Camera lost", session.set_camera_lost),
@@ -328,8 +324,7 @@ class PlayPage:
                 "Click on the field to set a target. Keys: I, J, K, L; U, O turn; X stops. "
                 "Restart follows the scenario again."
             )
-            group = gui.add_button_group("", list(DRIVE_KEYS))
-            self._on(group.on_click, "drive", drive)
+            self._add_buttons("drive", {label: partial(drive, label) for label in DRIVE_KEYS})
         for label, (key, _) in DRIVE_KEYS.items():
             action = partial(self._play.request, "drive", partial(drive, label))
             command = gui.add_command(f"Drive {label}", hotkey=key)
@@ -373,6 +368,11 @@ class PlayPage:
         client.camera.position = (x, y - 0.8 * distance, 0.8 * distance)
         is_phone = aspect < 1  # the controls cover the lower half
         client.camera.look_at = (x, y - 0.5 * distance * is_phone, 0.0)
+
+    def _add_buttons(self, key: str, actions: Mapping[str, Callable[[], None]]) -> None:
+        """Add a row of buttons, by their labels, whose actions are requests of a key."""
+        group = self._gui.add_button_group("", list(actions))
+        self._on(group.on_click, key, lambda label: actions[label]())
 
     def _on(self, register: Callable[[Any], Any], key: str, action: Callable[[Any], None]) -> None:
         """Request an action, given the new value, when a control is used."""
