@@ -48,7 +48,7 @@ class FieldView:
         self._api, self._session = api, session
         self._shown_snapshot: Snapshot | None = None
         self._n_updates = 0
-        self._debris: Sequence[Any] = session.debris[:0]
+        self._debris = list[tuple[float, float, float]]()
         self._patches: list[Any] = []
         self.center, self.size_m = scene.measure_scene(paths)
         self._trails = np.repeat(session.snapshot.pose[None, :, :2], TRAIL_LENGTH, axis=0)

@@ -45,7 +45,6 @@ class Snapshot:
             sideways, (n, 2).
         alpha_hat: The controllers' estimates of alpha, (n, 2).
         winding_c: Temperatures of the hottest windings, (n,) deg C.
-        battery_v: Voltages of the batteries under load, (n,) V.
         latency_hat: The controllers' estimates of the latency, forward, (n,) frames.
         failures: Messages of the robots that failed.
         has_ended: Whether the reference has ended. The robots rest.
@@ -60,7 +59,6 @@ class Snapshot:
     alpha: Array
     alpha_hat: Array
     winding_c: Array
-    battery_v: Array
     latency_hat: Array
     failures: tuple[str, ...]
     has_ended: bool
@@ -81,7 +79,6 @@ class PlaySession:
         simulation: The simulation since the last restart.
         labels: Label of each robot: its controller, with its slot if worlds have several robots.
         snapshot: The latest frame, at first the start.
-        debris: Position and radius of the debris spilled since the start, m.
 
     Raises:
         OmniError: The scenario or a controller cannot be played.
@@ -90,7 +87,6 @@ class PlaySession:
     simulation: ChangeableSimulation
     labels: tuple[str, ...]
     snapshot: Snapshot
-    debris: list[tuple[float, float, float]]
 
     @check_types
     def __init__(
@@ -107,6 +103,16 @@ class PlaySession:
     def scenario(self) -> Scenario:
         """The scenario with all settings as they are now, without the effects of buttons."""
         return self.simulation.scenario
+
+    @property
+    def debris(self) -> list[tuple[float, float, float]]:
+        """Position and radius of the debris spilled since the start, m."""
+        return [
+            (fault.x_m, fault.y_m, fault.radius_m)
+            for row in self._faults
+            for fault in row
+            if isinstance(fault, faults.FrictionPatch)
+        ]
 
     @check_types
     def restart(
@@ -133,7 +139,6 @@ class PlaySession:
         self.labels = tuple(
             f"{row.controller}/{row.slot}" if has_teams else row.controller for row in rows
         )
-        self.debris = []
         # Faults that buttons cause, by row
         self._faults: list[list[faults.Fault]] = [[] for _ in rows]
         # Latest displacements of each frame, achieved and commanded, body frame, (2, n, 2) m
@@ -196,11 +201,10 @@ class PlaySession:
         )
 
     def spill_debris(self) -> None:
-        """Spill debris in front of each robot: where its reference is in half a second."""
-        simulation, pose = self.simulation, self.simulation.plant.pose()
-        if simulation.targets is None:
-            frame = simulation.frame + DEBRIS_AHEAD_FRAMES
-            pose = np.array([r.poses[min(frame, r.frames - 1)] for r in simulation.references])
+        """Spill debris where references are in half a second, or below robots without one."""
+        pose = self.simulation.plant.pose()
+        if self.simulation.targets is None:
+            pose = self.simulation.compute_reference_poses(DEBRIS_AHEAD_FRAMES)
         self._add_faults(
             faults.FrictionPatch(
                 start_s=self._now,
@@ -211,7 +215,6 @@ class PlaySession:
             )
             for x, y, _ in pose.tolist()
         )
-        self.debris += [(x, y, DEBRIS_RADIUS_M) for x, y, _ in pose.tolist()]
 
     def carry_away(self) -> None:
         """Carry each robot towards the middle of the field, and turn it."""
@@ -299,7 +302,6 @@ class PlaySession:
             "error_m": np.hypot(*(pose - reference)[:, :2].T),
             "alpha": self._compute_alpha(len(pose)),
             "winding_c": telemetry.winding.max(1),
-            "battery_v": telemetry.battery,
             "has_ended": simulation.done,
         }
 

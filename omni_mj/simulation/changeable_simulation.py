@@ -133,9 +133,11 @@ class ChangeableSimulation(Simulation):
         self._stop(rows, cause)
         self.team.stop(rows)
 
-    def compute_reference_poses(self) -> Array:
+    def compute_reference_poses(self, frames_ahead: int = 0) -> Array:
         """See `Simulation`; the targets while there are any."""
-        return super().compute_reference_poses() if self.targets is None else self.targets
+        if self.targets is not None:
+            return self.targets
+        return super().compute_reference_poses(frames_ahead)
 
     def _begin_targets(self) -> Array:
         """Give all controllers references that lead to targets, and return a copy of `targets`."""

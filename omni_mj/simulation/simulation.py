@@ -274,11 +274,12 @@ class Simulation:
             ),
         )
 
-    def compute_reference_poses(self) -> Array:
-        """Return the poses of the references in this frame, (n, 3)."""
+    def compute_reference_poses(self, frames_ahead: int = 0) -> Array:
+        """Return the poses of the references in this frame, or some frames later, (n, 3)."""
+        frame = self.frame + frames_ahead
         poses = np.array(
             [
-                reference.poses[min(self.frame, reference.frames - 1)]
+                reference.poses[min(frame, reference.frames - 1)]
                 for reference in self._distinct_references
             ]
         )

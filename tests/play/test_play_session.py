@@ -222,11 +222,14 @@ def test_debris_lies_ahead_and_takes_traction() -> None:
     played = PlaySession(scenario(), ("comp-flc",))
     play(played, 30)
     played.spill_debris()
-    [(x, y, radius)] = played.debris
+    first_debris = played.debris
+    [(x, y, radius)] = first_debris
     assert radius > np.hypot(*(played.simulation.references[0].poses[60, :2] - [x, y]))
     with_debris = play(played, 35)[-1].pose
     without = simulate(played.scenario, 65).channel("pose")[-1]
     assert np.hypot(*(with_debris - without)[0, :2]) > 0.05
+    played.spill_debris()
+    assert (len(first_debris), len(played.debris)) == (1, 2)
     played.restart()
     assert not played.debris
 
