@@ -107,6 +107,18 @@ def write_text(path: Path, text: str) -> None:
         file.write(text.encode())
 
 
+def write_files(folder: Path, files: Mapping[str, bytes]) -> None:
+    """Write files, given by their paths in a folder, with the folders that they need.
+
+    Raises:
+        OSError: See `open_atomic`.
+    """
+    for name, data in files.items():
+        create_folder((folder / name).parent)
+        with open_atomic(folder / name) as file:
+            file.write(data)
+
+
 def write_json(path: Path, content: Mapping[str, Any]) -> None:
     """Write a mapping as strict JSON, without NaN, with `write_text`."""
     write_text(path, json.dumps(content, indent=2, allow_nan=False) + "\n")

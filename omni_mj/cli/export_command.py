@@ -12,7 +12,7 @@ from typing import Any
 import click
 
 from omni_control.errors import OmniError
-from omni_mj.atomic_files import create_folder, open_atomic, write_json
+from omni_mj.atomic_files import write_files, write_json
 from omni_mj.cli import console, options, output_folders
 from omni_mj.mjcf.wheel_model import WheelDesign, render_wheel_files
 
@@ -83,10 +83,7 @@ def export_command(
         # --overwrite recognizes the folder by it.
         record |= provenance.describe_environment()
         write_json(folder / output_folders.PROVENANCE[0], record)
-        for path, data in files.items():
-            create_folder((folder / path).parent)
-            with open_atomic(folder / path) as file:
-                file.write(data)
+        write_files(folder, files)
         reason = _draw_picture(folder / "scene.xml", folder / picture)
     if reason:
         warnings.warn(f"no {picture}, because MuJoCo cannot draw here: {reason}", stacklevel=1)

@@ -17,7 +17,7 @@ from typing import Any
 import omni_control
 from omni_control.controllers.registry import CONTROLLERS, get_parameters
 from omni_control.errors import OmniError
-from omni_mj.atomic_files import create_folder, open_atomic, read_json, write_json
+from omni_mj.atomic_files import read_json, write_files, write_json
 from omni_mj.config import plugins, robot_files
 from omni_mj.config.scenario import Scenario
 from omni_mj.results.summary import flatten, package_versions
@@ -58,10 +58,7 @@ def save_provenance(
     }
     # Written first, because --overwrite recognizes the folder of a run by it.
     write_json(folder / PROVENANCE_FILE, content)
-    for name, data in files.items():
-        create_folder((folder / name).parent)
-        with open_atomic(folder / name) as file:
-            file.write(data)
+    write_files(folder, files)
 
 
 def describe_scenarios(scenarios: Sequence[Scenario], files: dict[str, bytes]) -> dict[str, Any]:
