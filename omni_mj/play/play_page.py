@@ -11,6 +11,7 @@ import numpy as np
 from omni_control.controllers.registry import get_parameters, list_available_controllers
 from omni_control.errors import OmniError
 from omni_mj.config import PERIOD_S, plugins
+from omni_mj.config.scenario import Scenario
 from omni_mj.config.settings import find_setting
 from omni_mj.config.toml_files import find_builtin_files
 from omni_mj.mjcf import field
@@ -91,6 +92,7 @@ class PlayPage:
     def __init__(self, play: "PlayServer", web: Any) -> None:
         self._play, self._web, self._gui = play, web, web.gui
         self._message, self._described = "", list[Any]()
+        self._shown_scenario: Scenario | None = None
         self._rebuilt, self._losses = list[Any](), list[Any]()
         self._menus: dict[str, Any] = {}
         gui = self._gui
@@ -128,11 +130,8 @@ class PlayPage:
     def refresh(self, key: str = "") -> None:
         """Show the session as it is after the request of a key."""
         session = self._play.session
-        scenario = session.scenario
-        description = [scenario.model_copy(update={"settings": None}), scenario.settings.reference]
-        if description != self._described:
-            self._described = description
-            self._rebuild()
+        if session.scenario is not self._shown_scenario:
+            self._show_scenario(session.scenario)
         for name, slider in self._sliders.items():
             if name != key or self._message:
                 slider.value = self._slider_value(name)
@@ -140,6 +139,14 @@ class PlayPage:
             self._menus[label].value = value
         for box in self._losses if session.snapshot.time_s == 0 else ():
             box.value = False  # a restart
+
+    def _show_scenario(self, scenario: Scenario) -> None:
+        """Show a scenario, or the same one with other settings."""
+        self._shown_scenario = scenario
+        description = [scenario.model_copy(update={"settings": None}), scenario.settings.reference]
+        if description != self._described:
+            self._described = description
+            self._rebuild()
         try:
             self._link.value = f"{self._play.url}?{format_link(scenario)}"
         except OmniError:  # a user's file, or faults

@@ -73,7 +73,7 @@ class PlayServer:
         record: Path | None = None,
     ) -> None:
         quiet_mujoco()
-        self.load_scenario, self.speed, self.repeat = load_scenario, 1.0, record is None
+        self._load_scenario, self.speed, self.repeat = load_scenario, 1.0, record is None
         self._stop_requests = stop_requests
         self._requests: dict[str, Callable[[], None]] = {}
         self._frames, self._real_time_factor = 0, math.inf
@@ -104,7 +104,7 @@ class PlayServer:
     def load(self, name: str, top_level: Mapping[str, Any]) -> None:
         """Load a scenario by the name that the menu shows, and restart."""
         own_name = self._own_name == name
-        self._play(self.load_scenario(None if own_name else name, top_level))
+        self._play(self._load_scenario(None if own_name else name, top_level))
 
     def run(self) -> None:
         """Run until the last page is closed.

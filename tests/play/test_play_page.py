@@ -164,9 +164,9 @@ def test_a_saved_file_that_hangs_is_named_until_it_is_saved_again(tmp_path: Path
         page.get_by_text("Mine").first.wait_for()
         page.wait_for_timeout(600)
         mine.write_text(HANG.format(exception="Exception") + CONTROLLER.format(line="pass"))
-        page.get_by_text(message).wait_for()
+        page.get_by_text(message).first.wait_for()
         mine.write_text(CONTROLLER.format(line="pass"))
-        page.get_by_text(message).wait_for(state="detached")
+        page.get_by_text(message).first.wait_for(state="detached")
         page.goto(f"{url}?plant=kinematic&controllers=p,flc,comp-flc,inverse-flc")
         page.get_by_text("Left out: inverse-flc").wait_for()
 
