@@ -6,6 +6,7 @@ plant `mujoco`, interpolated between steps. So steps of a cycle, or of a fractio
 results of the plant with as many substeps.
 """
 
+import math
 from fractions import Fraction
 
 import numpy as np
@@ -76,7 +77,8 @@ class SteppedRobot(MujocoRobots):
         if model.opt.timestep > max_step:
             raise OmniError(
                 f"the timestep of the scene is {model.opt.timestep:g} s; the wheel loops of the "
-                f"robot {self._rows[0].robot} need at most {max_step:.2g} s, or a lower firmware.kp"
+                f"robot {self._rows[0].robot} need at most {math.floor(1e4 * max_step) / 1e4:g} s, "
+                "or a lower firmware.kp"
             )
 
     def accept(self, name: str, values: Array) -> None:

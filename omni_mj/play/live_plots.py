@@ -25,7 +25,7 @@ PLOTS: dict[str, tuple[tuple[float, float] | None, bool]] = {
     "Position error, cm": (None, False),
     "Commanded speed, m/s": (None, False),
     "Alpha forward: estimate, true (dots)": (ALPHA_RANGE, True),
-    "Dead time, ms: estimate, true (dots)": ((0.0, 350.0), True),
+    "Latency, ms: estimate; dead time (dots)": ((0.0, 350.0), True),
     "Hottest winding, °C": (None, False),
 }
 

@@ -111,7 +111,7 @@ def test_on_the_field_it_has_the_bits_of_the_plant(
         assert drive.battery_voltage == telemetry.battery[row]
 
 
-# The gain of the robot tigers-v2020 needs steps below 3.8 ms.
+# The gain of the robot tigers-v2020 needs steps of at most 3.7 ms.
 @pytest.mark.parametrize(
     ("robot", "options", "tolerance"),
     [
