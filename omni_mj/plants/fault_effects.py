@@ -18,7 +18,6 @@ from omni_control.kinematics import Array
 from omni_mj.config import faults
 from omni_mj.config.rows import Row
 from omni_mj.network.fault_schedule import FaultSchedule
-from omni_mj.network.random_streams import Noise, Stream
 from omni_mj.robot.wheel_carpet_forces import stack_patches
 
 # Dry friction of a blocked hub, N m, which motor and carpet cannot overcome
@@ -73,7 +72,6 @@ class FaultEffects:
         current_setpoint: 0 A for motors whose drivers are off, NaN for others, (W, n).
         inputs: Mapping from field of `omni_mj.robot.firmware_state.FrameInputs` to its value, for
             fields that faults set.
-        dropout_noise: Random numbers that decide which encoders drop out.
     """
 
     def __init__(
@@ -91,8 +89,6 @@ class FaultEffects:
         self._frame = frame
         self._wheel_shape = plant.parameters.carpet.friction_factor.shape
         self._update_inputs()
-        seeds = [row.noise_seed for row in rows]
-        self.dropout_noise = Noise(seeds, Stream.ENCODER_FAULTS, self._wheel_shape[0])
         # Largest number of patches on a carpet. JAX would compile again for another length.
         self._max_patches = max(
             len(row.settings.carpet.patches)
@@ -100,14 +96,18 @@ class FaultEffects:
             for row in rows
         )
 
-    def begin_frame(self) -> None:
-        """Apply faults that begin or end in this frame, and draw its encoder dropouts."""
+    def begin_frame(self, uniform: Array) -> None:
+        """Apply faults that begin or end in this frame.
+
+        Args:
+            uniform: Random numbers that decide which encoders drop out, in [0, 1), (W, n).
+        """
         if self._schedule.advance(self._frame):
             self._change_parameters()
             self._change_bodies()
             self._update_inputs()
         self._frame += 1
-        drops_out = self._dropout_probability > self.dropout_noise.next().T
+        drops_out = self._dropout_probability > uniform
         self.inputs["encoder_scale"] = np.where(drops_out, 0.0, self._encoder_scale)
 
     def _change_parameters(self) -> None:

@@ -11,6 +11,7 @@ from omni_mj.config import CYCLES_PER_FRAME
 from omni_mj.config.rows import Row
 from omni_mj.config.settings import gather
 from omni_mj.network.radio import ReceivedCommand, compute_max_delay_frames
+from omni_mj.network.random_streams import Noise, Stream
 from omni_mj.plants.fault_effects import ChangeableBodies, FaultEffects
 from omni_mj.plants.randomization import Disturbances, RobotVariation
 from omni_mj.robot.array_ops import select
@@ -61,6 +62,8 @@ class WheeledPlantBase(ABC):
         self._disturbances = Disturbances(rows)
         self._current_setpoint: Array | None = None
         self._fault_effects: FaultEffects | None = None
+        seeds = [row.noise_seed for row in rows]
+        self._dropout_noise = Noise(seeds, Stream.ENCODER_FAULTS, variation.magnet_factor.shape[1])
         zeros = np.zeros((1, *variation.magnet_factor.T.shape))
         # Record of the latest frame
         self._record = CycleRecord(zeros, zeros, zeros, zeros, zeros[:, 0], zeros[:, 0])
@@ -99,11 +102,9 @@ class WheeledPlantBase(ABC):
             bodies: Bodies of the robots.
             frame: Number of frames so far.
         """
-        previous, self._fault_effects = self._fault_effects, None
+        self._fault_effects = None
         if any(row.faults for row in self._rows):
             self._fault_effects = FaultEffects(self._rows, self, bodies, frame)
-            if previous is not None:
-                self._fault_effects.dropout_noise = previous.dropout_noise
 
     def change_rows(self, rows: Sequence[Row]) -> None:
         """Change settings and faults of driving robots from the next frame on.
@@ -163,7 +164,7 @@ class WheeledPlantBase(ABC):
         fault_inputs = {"battery_voltage_factor": np.ones(len(self._rows))}
         if self._fault_effects is not None:
             faults = self._fault_effects
-            faults.begin_frame()
+            faults.begin_frame(self._dropout_noise.next().T)
             push_force = push_force + faults.push_force
             fault_gyro_bias = faults.gyro_bias
             fault_inputs = faults.inputs

@@ -4,6 +4,7 @@ import selectors
 import time
 from collections import deque
 from collections.abc import Mapping
+from dataclasses import dataclass, field
 from typing import NamedTuple
 
 from omni_mj.live.sockets import Address, MessageCounter, Receiver
@@ -32,6 +33,21 @@ class Request(NamedTuple):
     data: bytes
 
 
+@dataclass(eq=False)
+class _Client:
+    """A client whose packets are accepted.
+
+    Attributes:
+        expiry: Time from which on it counts as silent, s.
+        queue: Its waiting packets.
+        branch: Its own socket, if it has one.
+    """
+
+    expiry: float
+    queue: deque[Request] = field(default_factory=deque)
+    branch: Receiver | None = None
+
+
 class Inbox:
     """Queues of packets, one for each client, so that no client delays another.
 
@@ -44,11 +60,9 @@ class Inbox:
 
     def __init__(self, ports: Mapping[int | None, Receiver], messages: MessageCounter) -> None:
         self._ports, self._messages = ports, messages
-        self._queues = dict[tuple[int | None, Address], deque[Request]]()
-        self._expiry = dict[tuple[int | None, Address], float]()  # when a silent client makes room
-        self._branches = dict[tuple[int | None, Address], Receiver]()
+        self._clients = dict[tuple[int | None, Address], _Client]()
         self._full_until = 0.0  # until then, no client is silent
-        self._turns = deque[tuple[int | None, Address]]()  # clients with waiting packets
+        self._turns = deque[_Client]()  # clients with waiting packets
         self._is_turn_of_oldest = False
         self._selector = selectors.DefaultSelector()
         for team, port in ports.items():
@@ -57,8 +71,9 @@ class Inbox:
     def close(self) -> None:
         """Free the selector and the clients' sockets."""
         self._selector.close()
-        for branch in self._branches.values():
-            branch.close()
+        for client in self._clients.values():
+            if client.branch:
+                client.branch.close()
 
     def receive(self, seconds: float) -> None:
         """Queue the packets that have arrived; if none waits, wait for one for some seconds.
@@ -82,13 +97,13 @@ class Inbox:
         if not self._turns:
             return None
         self._is_turn_of_oldest = not self._is_turn_of_oldest
-        key = self._turns[0]
+        client = self._turns[0]
         if self._is_turn_of_oldest:
-            key = next(key for key, queue in self._queues.items() if queue)
-        self._turns.remove(key)
-        request = self._queues[key].popleft()
-        if self._queues[key]:
-            self._turns.append(key)
+            client = next(client for client in self._clients.values() if client.queue)
+        self._turns.remove(client)
+        request = client.queue.popleft()
+        if client.queue:
+            self._turns.append(client)
         return request
 
     def _read(self, port: Receiver, team: int | None) -> bool:
@@ -110,8 +125,8 @@ class Inbox:
                 f" {MAX_BYTES}",
             )
             return
-        queue = self._queues.get(key)
-        if queue is None:
+        client = self._clients.get(key)
+        if client is None:
             if arrival < self._full_until:  # a flood costs little
                 self._messages[TOO_MANY] += 1
                 return
@@ -122,34 +137,33 @@ class Inbox:
                     f"skipped a packet from {request.client}: {MAX_CLIENTS} others are served",
                 )
                 return
-            queue = self._queues[key] = deque()
-            self._expiry[key] = arrival + SILENT_S
+            client = self._clients[key] = _Client(arrival + SILENT_S)
         else:
-            self._expiry[key] = arrival + KNOWN_SILENT_S
-            if key not in self._branches and (
+            client.expiry = arrival + KNOWN_SILENT_S
+            if not client.branch and (
                 branch := self._ports[request.team].open_branch(request.client)
             ):
-                self._branches[key] = branch
+                client.branch = branch
                 self._selector.register(branch, selectors.EVENT_READ, (branch, request.team))
-        if not queue:
-            self._turns.append(key)
-        elif len(queue) == MAX_QUEUE:
-            queue.popleft()
+        if not client.queue:
+            self._turns.append(client)
+        elif len(client.queue) == MAX_QUEUE:
+            client.queue.popleft()
             self._messages.add(
                 "packets too fast",
                 f"{request.client} sends faster than its packets can be handled; older packets"
                 " are dropped",
             )
-        queue.append(request)
+        client.queue.append(request)
 
     def _make_room(self, arrival: float) -> bool:
         """Forget a client that is silent if all places are taken, and return whether one is."""
-        if len(self._queues) == MAX_CLIENTS:
-            key = min(self._expiry, key=self._expiry.__getitem__)
-            if self._queues[key] or arrival < self._expiry[key]:
+        if len(self._clients) == MAX_CLIENTS:
+            key, client = min(self._clients.items(), key=lambda item: item[1].expiry)
+            if client.queue or arrival < client.expiry:
                 return False
-            del self._queues[key], self._expiry[key]
-            if branch := self._branches.pop(key, None):
-                self._selector.unregister(branch)
-                branch.close()
+            del self._clients[key]
+            if client.branch:
+                self._selector.unregister(client.branch)
+                client.branch.close()
         return True
