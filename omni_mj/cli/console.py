@@ -22,6 +22,8 @@ if TYPE_CHECKING:
     from omni_mj.studies.run_scenario import AfterFrame, StartProgress
 
 FAILED, BAD_INPUT, INTERRUPTED = 1, 2, 130  # exit codes; the last is 128 + SIGINT
+# Value of MUJOCO_GL to draw without a window, which other systems than Linux do by default
+OFFSCREEN_GL = "egl" if sys.platform.startswith("linux") else ""
 MAX_EVENTS = 5  # printed after a run
 
 
@@ -48,8 +50,8 @@ def run_program(command: click.Command) -> NoReturn:
         sys.stdout = PrintableOutput(
             out.detach(), encoding, None, None, is_interactive, is_unbuffered
         )
-    if "film" not in arguments:  # only film renders with MuJoCo, which would load window libraries
-        os.environ.setdefault("MUJOCO_GL", "disable")
+    # Read when MuJoCo is imported. Only film draws; otherwise window libraries would be loaded.
+    os.environ.setdefault("MUJOCO_GL", OFFSCREEN_GL if "film" in arguments else "disable")
     if signal.getsignal(signal.SIGINT) != signal.SIG_IGN:
         signal.signal(signal.SIGINT, _interrupt)
     invoke_command(command, arguments)

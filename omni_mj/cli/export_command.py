@@ -132,12 +132,10 @@ def _draw_picture(scene: Path, picture: Path) -> str:
     Returns:
         The reason why there is no picture, or nothing.
     """
-    # "disable" at the moment, except in commands that draw
-    gl = "egl" if sys.platform.startswith("linux") else ""
     try:
         done = subprocess.run(
             [sys.executable, "-c", _PICTURE_PROGRAM, str(scene)],
-            env={**os.environ, "MUJOCO_GL": gl},
+            env={**os.environ, "MUJOCO_GL": console.OFFSCREEN_GL},
             stdin=subprocess.DEVNULL,
             capture_output=True,
             timeout=PICTURE_TIMEOUT_S,

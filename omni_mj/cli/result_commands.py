@@ -1,6 +1,5 @@
 """`omni-mj report`, `film`, `screenshot`, `verify`: commands for the results of earlier runs."""
 
-import os
 import re
 import sys
 from pathlib import Path
@@ -117,9 +116,6 @@ def film_command(
     the reference. No display is needed, but EGL is: Debian's libegl1 and libgl1-mesa-dri suffice.
     """
     out = out or folder / "film.webp"
-    # Must be set before MuJoCo is imported. Other systems render without a window by default.
-    if sys.platform.startswith("linux"):
-        os.environ.setdefault("MUJOCO_GL", "egl")
     import numpy as np
 
     from omni_mj.config import PERIOD_S
