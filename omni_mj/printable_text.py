@@ -27,6 +27,11 @@ def to_encodable(line: str, encoding: str) -> str:
     return "".join(c if c == "\t" else _replace_character(c, encoding) for c in line)
 
 
+def format_count(n: int, noun: str) -> str:
+    """Return a number with a noun, such as "1 row" or "2 rows"."""
+    return f"{n} {noun}" if n == 1 else f"{n} {noun}s"
+
+
 def join_words(words: Iterable[str]) -> str:
     """Return the words of a command as a line for a POSIX shell.
 

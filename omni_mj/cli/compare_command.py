@@ -8,6 +8,7 @@ import click
 from omni_mj.atomic_files import write_text
 from omni_mj.cli import console, options, output_folders
 from omni_mj.cli.interrupts import Interrupts
+from omni_mj.printable_text import format_count
 
 if TYPE_CHECKING:
     from omni_mj.results.result import Outcome, Result
@@ -114,6 +115,6 @@ def compare_command(
         print(f"{console.describe_outputs(folder, OUTPUTS)} after {result.wall_s:.0f} s")
     n_done = [outcome.entry["status"] for outcome in result.outcomes].count("done")
     interrupts.exit_if_stopped(
-        result.stopped, f"{n_done} of {len(scenarios)} scenarios are in {folder}"
+        result.stopped, f"{n_done} of {format_count(len(scenarios), 'scenario')} in {folder}"
     )
     console.exit_if_failed(result.outcomes)

@@ -15,7 +15,7 @@ import click
 
 from omni_control.errors import MAX_LINE_LENGTH, OmniError, to_printable
 from omni_mj.atomic_files import check_folder
-from omni_mj.printable_text import PrintableOutput, join_words
+from omni_mj.printable_text import PrintableOutput, format_count, join_words
 
 if TYPE_CHECKING:
     from omni_mj.results.result import Outcome
@@ -212,4 +212,4 @@ def print_events(entry: Mapping[str, Any]) -> None:
         source = f"{event['controller']}, seed {event['seed']}"
         print(f"note: {event['time_s']:.2f} s, {source}: {event['text']}")
     if (n_more := len(events) - MAX_EVENTS) > 0:
-        print(f"note: {n_more} more events are in summary.json")
+        print(f"note: {format_count(n_more, 'more event')} in summary.json")

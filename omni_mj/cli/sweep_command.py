@@ -7,7 +7,7 @@ import click
 from omni_control.errors import OmniError
 from omni_mj.cli import console, options, output_folders, run_command
 from omni_mj.cli.interrupts import Interrupts
-from omni_mj.printable_text import join_words
+from omni_mj.printable_text import format_count, join_words
 
 OUTPUTS = (
     "sweep.json",
@@ -100,7 +100,7 @@ def sweep_command(
             executor=executor,
             start_progress=start_progress,
         )
-    progress_text = f"{result.n_done} of {len(plan.shards)} shards"
+    progress_text = f"{result.n_done} of {format_count(len(plan.shards), 'shard')}"
     with console.report_write_errors(out):
         if result.n_done:
             sweep_statistics.save_sweep_table(plan, result.summary, out / "sweep.md")

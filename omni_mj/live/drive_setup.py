@@ -19,6 +19,7 @@ from omni_mj.live.sockets import Address, MessageCounter, Receiver, parse_addres
 from omni_mj.live.ssl_vision import SslVision, TeamColor
 from omni_mj.live.team_radio import PORTS, SenderConfig, SimulatorRadio, TeamRadio
 from omni_mj.live.wire import VISION_PORT
+from omni_mj.printable_text import format_count
 
 # After this time, frame rates are known within 1 % and clock offsets within a fraction of 1 ms.
 LISTEN_S = 1.5
@@ -217,7 +218,9 @@ def _chosen_ids(
     ids = list(options.ids) or list(detected_ids[:n_robots])
     undetected = ", ".join(str(number) for number in ids if number not in detected_ids)
     if undetected or not ids or (len(ids) < n_robots and not options.ids):
-        robots = f"robots {undetected}" if undetected else f"{n_robots} robots for the scenario"
+        robots = f"{format_count(n_robots, 'robot')} for the scenario"
+        if undetected:
+            robots = f"robots {undetected}"
         raise OmniError(
             f"vision does not detect {robots}; {options.color} robots that it detects: "
             f"{', '.join(map(str, detected_ids)) or 'none'}. Check --team and --id"

@@ -12,6 +12,7 @@ import numpy as np
 from omni_control.kinematics import Array, wrap_angle
 from omni_mj.config import FRAME_RATE_HZ, PERIOD_S
 from omni_mj.live.live_loop import Live
+from omni_mj.printable_text import format_count
 
 LATENCIES = np.arange(0.0, 30.0, 0.02)  # candidates, frames
 # Turn rates of a pulse, rad/s, one per frame. They add up to no turn, even if the robot follows
@@ -137,7 +138,8 @@ def describe(summary: Mapping[str, Any]) -> list[str]:
                 f" alpha {alphas} (forward, sideways, turn)"
             )
     if skipped := summary["frames"]["skipped"]:
-        lines.append(f"{skipped} frames skipped: this computer was busy, or packets were lost")
+        n_skipped = format_count(skipped, "frame")
+        lines.append(f"{n_skipped} skipped: this computer was busy, or packets were lost")
     return lines
 
 

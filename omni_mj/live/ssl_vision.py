@@ -12,6 +12,7 @@ from omni_control.kinematics import Array, wrap_angle
 from omni_mj.live.sockets import MessageCounter
 from omni_mj.live.wire import MM_PER_M, WireError, parse_message
 from omni_mj.live.wire.league_pb2 import DetectedRobot, Detection, VisionPacket
+from omni_mj.printable_text import format_count
 
 TeamColor = Literal["blue", "yellow"]
 
@@ -263,7 +264,9 @@ class SslVision:
                 f"{color} {number}: at {x:.3f}, {y:.3f} m, {math.degrees(heading):.1f}°"
                 f" by camera {camera}; noise {1e3 * noise[0]:.2f} mm, {math.degrees(noise[1]):.2f}°"
             )
-        return lines + [f"{kind}: {count} times" for kind, count in self.messages.items()]
+        return lines + [
+            f"{kind}: {format_count(count, 'time')}" for kind, count in self.messages.items()
+        ]
 
 
 def noise_deviations(poses: Array) -> Array:

@@ -19,6 +19,7 @@ from omni_control.errors import OmniError
 from omni_control.kinematics import Array
 from omni_mj.config.robot_settings import AZIMUTH_DIGITS
 from omni_mj.config.validation import raise_errors
+from omni_mj.printable_text import format_count
 
 Ids = NDArray[np.int_]
 # Rollers of a wheel that is reduced to those at the bottom (`wheels.model = two-rollers`).
@@ -299,7 +300,7 @@ def _check_chassis_and_joints(
             f"the body {model.body(chassis).name!r}, which carries the wheels, has no <freejoint>"
         )
     if len(joints) < MIN_COUNT:
-        errors.append(f"{len(joints)} wheels; at least {MIN_COUNT} are needed")
+        errors.append(f"{format_count(len(joints), 'wheel')}; at least {MIN_COUNT} are needed")
     if len(set(joints.tolist())) < len(joints):
         errors.append("two <dcmotor>s drive one hinge; leave one")
 

@@ -7,6 +7,7 @@ from collections import Counter
 from collections.abc import Mapping
 from typing import Any
 
+from omni_mj.printable_text import format_count
 from omni_mj.results.paired_comparison import ROUNDING_M, STATISTIC_LABELS, paired_difference
 
 Results = Mapping[str, Mapping[str, Any]]  # controller -> its results in summary.json
@@ -104,6 +105,8 @@ def _compare_best(results: Results, best: str, second: str) -> str:
     )
     if difference is None or abs(difference) <= ROUNDING_M:
         return f"{best} and {second} have the same mean position error, {_cm(ours)}"
+    if _error_cm(ours) == _error_cm(theirs):
+        return f"{best} and {second} have almost the same mean position error, {_cm(ours)}"
     if half_width is not None and difference <= half_width:
         return (
             f"{best} ({_cm(ours)}) and {second} ({_cm(theirs)}) do not differ significantly in "
@@ -117,7 +120,9 @@ def _compare_best(results: Results, best: str, second: str) -> str:
     total = _error_m(theirs, statistic="rms") ** 2 - _error_m(ours, statistic="rms") ** 2
     for axis, explanation in EXPLANATIONS.items():
         gain = _error_m(theirs, axis, "rms") ** 2 - _error_m(ours, axis, "rms") ** 2
-        if total > 0 and gain >= MAIN_FRACTION * total:
+        # A component whose mean is printed as equal or larger explains nothing to a reader.
+        is_smaller = _error_cm(ours, axis) < _error_cm(theirs, axis)
+        if is_smaller and total > 0 and gain >= MAIN_FRACTION * total:
             return f"{text}, mainly {explanation} {_cm(ours, axis)} instead of {_cm(theirs, axis)}"
     return text
 
@@ -127,12 +132,16 @@ def _error_m(result: Mapping[str, Any], axis: str = "position", statistic: str =
     return float(result["error_m"][axis][statistic]["mean"])
 
 
+def _error_cm(result: Mapping[str, Any], axis: str = "position") -> float:
+    """Return the mean error as it is printed, cm."""
+    return round(100 * _error_m(result, axis), 2)
+
+
 def _cm(result: Mapping[str, Any], axis: str = "position") -> str:
     """Return the mean error as text in centimeters."""
-    return f"{100 * _error_m(result, axis):.2f} cm"
+    return f"{_error_cm(result, axis):.2f} cm"
 
 
 def _count_seeds(result: Mapping[str, Any]) -> str:
     """Return the number of seeds as text, such as "5 seeds"."""
-    n_seeds = len(result["settle_s"]["per_seed"])
-    return "1 seed" if n_seeds == 1 else f"{n_seeds} seeds"
+    return format_count(len(result["settle_s"]["per_seed"]), "seed")

@@ -19,6 +19,7 @@ from omni_mj.atomic_files import read_json
 from omni_mj.config import toml_files
 from omni_mj.config.plugins import is_class_path
 from omni_mj.config.scenario import TOP_LEVEL_FIELDS, Scenario, load_with_overrides
+from omni_mj.printable_text import format_count
 from omni_mj.results import summary
 from omni_mj.results.provenance import (
     ENVIRONMENT_KEYS,
@@ -84,8 +85,8 @@ class VerifyResult:
         if self.is_sweep:
             compared = "identical bit for bit"
         elif self.frames:
-            compared = f"{self.frames} frames identical bit for bit"
-        head = f"repeats: {self.rows} rows, {compared}"
+            compared = f"{format_count(self.frames, 'frame')} identical bit for bit"
+        head = f"repeats: {format_count(self.rows, 'row')}, {compared}"
         return "\n".join([head, *(f"note: {note}" for note in self.remarks)])
 
 
@@ -314,7 +315,10 @@ def _table_differences(saved: "pa.Table", repeated: "pa.Table") -> Iterator[str]
     saved, repeated = (_decode_controllers(rows) for rows in (saved, repeated))
     n_lines = min(saved.num_rows, repeated.num_rows)
     if saved.num_rows != repeated.num_rows:
-        yield f"the run has {saved.num_rows} lines, its repetition {repeated.num_rows}"
+        yield (
+            f"the run has {format_count(saved.num_rows, 'line')}, its repetition "
+            f"{repeated.num_rows}"
+        )
     first_difference: dict[str, int] = {}  # column -> line of the table
     for name in saved.column_names:
         if name not in repeated.column_names:
@@ -334,7 +338,7 @@ def _table_differences(saved: "pa.Table", repeated: "pa.Table") -> Iterator[str]
         keys = ", ".join(f"{key} {old_row[key]}" for key in ROW_KEYS if key in old_row)
         yield (
             f"first in {keys}: {name} is {old_row[name]} in the run, {new_row[name]} here; "
-            f"{len(first_difference)} channels differ"
+            f"{format_count(len(first_difference), 'different channel')}"
         )
 
 
@@ -367,5 +371,5 @@ def _number_differences(
         before, after = map(json.dumps, values)
         yield (
             f"summary.json: {name} is {before} in the run, {after} here; "
-            f"{len(differences)} numbers differ"
+            f"{format_count(len(differences), 'different number')}"
         )

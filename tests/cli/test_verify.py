@@ -192,7 +192,7 @@ def test_a_value_that_differs_is_named_with_frame_and_channel(
     assert invoke("verify", folder, "--allow-code") == 1
     lines = capsys.readouterr().err.splitlines()
     assert "first in frame 7, controller Mine, seed 1, slot 0: command_vy_m_s is " in lines[1]
-    assert lines[1].endswith("2 channels differ")
+    assert lines[1].endswith("2 different channels")
 
 
 def replace_column(name: str, column: pa.Array) -> Callable[[pa.Table], pa.Table]:
@@ -237,7 +237,7 @@ def test_numbers_of_other_types_or_signs_differ(
         file.write_text(text.replace(n_failed, f'"n_failed": {number}', 1))
         assert invoke("verify", folder, "--allow-code") == 1
         err = capsys.readouterr().err
-        assert f"results.flc.n_failed is {number} in the run, 0 here; 1 numbers differ" in err
+        assert f"results.flc.n_failed is {number} in the run, 0 here; 1 different number" in err
 
 
 def test_changes_of_the_environment_are_reported(
@@ -418,7 +418,7 @@ def test_a_users_model_is_copied_with_all_its_files(
     assert not contents
     capsys.readouterr()
     assert invoke("verify", moved_folder) == 0
-    assert capsys.readouterr().out.startswith("repeats: 1 rows, ")
+    assert capsys.readouterr().out.startswith("repeats: 1 row, ")
     for file, content in ((description["file"], None), (description["included"][0]["file"], b"")):
         copy = moved_folder / file
         copy.write_bytes(copy.read_bytes() + b"<!-- -->" if content is None else content)

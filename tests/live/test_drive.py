@@ -151,7 +151,7 @@ def test_answers_of_a_simulator_are_counted_and_said_once_in_printable_text() ->
 REFUSALS = [
     (
         {"color": "yellow"},
-        "does not detect 1 robots for the scenario; yellow robots that it detects: none",
+        "does not detect 1 robot for the scenario; yellow robots that it detects: none",
     ),
     ({"ids": (4,)}, "does not detect robots 4; blue robots that it detects: 0"),
     ({"commands": UNUSED_ADDRESS}, "robots 0 do not turn as commanded"),

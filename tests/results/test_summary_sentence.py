@@ -59,6 +59,14 @@ def summary(
             "flc and p have the same mean position error, 2.00 cm.",
         ),
         (
+            summary({"flc": 2.001, "p": 2.0}),
+            "p and flc have almost the same mean position error, 2.00 cm.",
+        ),
+        (
+            summary({"flc": [2.001, 2.002], "p": [2.0, 2.001]}),
+            "p and flc have almost the same mean position error, 2.00 cm.",
+        ),
+        (
             summary({"flc": [2.0, 2.0], "mpc": [0.5, 0.5]}, failed="mpc"),
             "flc follows the reference with a mean position error of 2.00 cm, mainly along the"
             " path; mpc failed in 1 of 2 seeds.",

@@ -18,6 +18,7 @@ from omni_mj.config.plugins import ControllerSpec
 from omni_mj.config.rows import build_single_robot_rows
 from omni_mj.config.scenario import Scenario
 from omni_mj.config.world_settings import RandomizationSettings
+from omni_mj.printable_text import format_count
 from omni_mj.results.paired_comparison import STATISTIC_LABELS, mean_position_error
 from omni_mj.results.result import Outcome, Result
 from omni_mj.results.result_tables import describe_plant, format_mean_cm
@@ -97,12 +98,13 @@ class LimitResult(Result):
             *(f"{STATISTIC_LABELS[s]}, cm" for s in STATISTIC_LABELS),
             "times the limit",
         ]
-        seeds = f"mean of {len(self.seeds)} seeds"
+        seeds = f"mean of {format_count(len(self.seeds), 'seed')}"
         title = f"{name}, {describe_plant(entry)}: position error, {seeds}"
         start, end = (
             " / ".join(f"{100 * self.history[i][s]:.4f}" for s in STATISTIC_LABELS) for i in (0, -1)
         )
-        learned = f"without noise, in {len(self.history) - 1} trials: from {start} to {end} cm"
+        trials = format_count(len(self.history) - 1, "trial")
+        learned = f"without noise, in {trials}: from {start} to {end} cm"
         return f"{format_table(Table(title, headings, rows, 1))}\n{learned}"
 
 

@@ -13,7 +13,7 @@ import pyarrow as pa
 from omni_mj.atomic_files import write_text
 from omni_mj.config.plugins import format_controller_spec
 from omni_mj.config.toml_files import format_toml_value
-from omni_mj.printable_text import join_words
+from omni_mj.printable_text import format_count, join_words
 from omni_mj.results.seed_statistics import CONFIDENCE, finite_or_none
 from omni_mj.results.text_table import (
     Table,
@@ -183,7 +183,7 @@ def _point_table(plan: SweepPlan, summary: dict[str, Any], points: list[dict[str
     names = list(plan.axes)
     n_robots = max(point["n_robots"] for point in points)
     title = f"{plan.scenario.name} on the {plan.scenario.plant} plant, "
-    title += f"{n_robots} robots per line: maximum error, with 95 % intervals"
+    title += f"{format_count(n_robots, 'robot')} per line: maximum error, with 95 % intervals"
     if not summary["complete"]:
         title += f", {summary['n_done']} of {summary['n_shards']} shards"
     if len(points) < len(summary["points"]):
