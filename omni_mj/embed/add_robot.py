@@ -13,7 +13,7 @@ from omni_mj.config.resolve import Robot, resolve_settings
 from omni_mj.embed.robot_drive import SceneRobot
 from omni_mj.mjcf.attachable_robot import prepare_robot
 from omni_mj.mjcf.robot_builder import build_robot_spec
-from omni_mj.mjcf.scene_contacts import attach_to_scene
+from omni_mj.mjcf.scene_contacts import attach_with_scene_contacts
 
 # A robot halts `firmware.timeout_s` after the last command. In a scene, commands hold forever.
 _NO_TIMEOUT = {"timeout_s": 0.0}
@@ -84,5 +84,5 @@ def add_robot(
         raise OmniError(f"the scene already has a body {chassis!r}: give the robot another prefix")
     quaternion = [np.cos(heading / 2), 0.0, 0.0, np.sin(heading / 2)]
     frame = scene.worldbody.add_frame(pos=[x, y, height], quat=quaternion)
-    attach_to_scene(scene, attachable, prefix, frame)
+    attach_with_scene_contacts(scene, attachable, prefix, frame)
     return SceneRobot(settings, name, prefix, chassis, (x, y, heading), height)

@@ -73,13 +73,13 @@ def prepare_robot(robot_spec: RobotSpec, mechanics: Mechanics, has_hull: bool) -
     )
 
 
-def attach_robot(
+def attach_without_contacts(
     scene: mujoco.MjSpec,
     robot: AttachableRobot,
     prefix: str,
     frame: mujoco.MjsFrame | None = None,
 ) -> None:
-    """Attach a robot to a scene, with load sensors.
+    """Attach a robot to a scene, with load sensors, but without pairs of its contacts.
 
     Args:
         scene: Specification of the scene; changed in place.
@@ -107,14 +107,14 @@ def copy_world_attributes(spec: mujoco.MjSpec, source: mujoco.MjSpec) -> None:
         setattr(spec, name, getattr(source, name))
 
 
-def attach_to_field(
+def attach_with_contact_pairs(
     field: mujoco.MjSpec,
     robot: AttachableRobot,
     prefix: str,
     other_spheres: Iterable[str],
     frame: mujoco.MjsFrame | None = None,
 ) -> list[str]:
-    """Attach a robot to models/field.xml, with its contacts; arguments as for `attach_robot`.
+    """Attach a robot to models/field.xml, with contact pairs of floor, rollers and hulls.
 
     Args:
         field: Specification of the field.
@@ -126,7 +126,7 @@ def attach_to_field(
     Returns:
         Names of the robot's hull spheres.
     """
-    attach_robot(field, robot, prefix, frame)
+    attach_without_contacts(field, robot, prefix, frame)
     for geom in robot.contact_geoms:
         field.add_pair(geomname1=hulls.CARPET, geomname2=prefix + geom, condim=3, **robot.contact)
     spheres = [prefix + name for name in robot.hull_spheres]

@@ -81,11 +81,11 @@ def build_plain_model(settings: Settings, name: str) -> PlainModel:
     """
     folder, file = find_models_folder(), settings.model.file
     if file:
-        robot, sources = _build_custom_robot(settings, name), read_model_files(Path(file))
+        robot, sources = _build_custom_mjcf(settings, name), read_model_files(Path(file))
         assets = {path: data for path, data in sources.items() if not path.endswith(".xml")}
         _write_asset_paths(robot, assets)
     else:
-        robot, assets = _build_standard_robot(settings, name), {}
+        robot, assets = _build_standard_mjcf(settings, name), {}
     scene = parse_mjcf((folder / "scene.xml").read_text().replace(_FILE_NAME, name))
     extent = VIEW_DISTANCE * settings.wheels.arm_m
     find_child(scene, "statistic").set("extent", f"{extent:.2g}")
@@ -101,7 +101,7 @@ def build_plain_model(settings: Settings, name: str) -> PlainModel:
     return PlainModel(name, files, tuple(model.actuator(i).name for i in indices.motors))
 
 
-def _build_standard_robot(settings: Settings, name: str) -> ElementTree.Element:
+def _build_standard_mjcf(settings: Settings, name: str) -> ElementTree.Element:
     """Return models/ssl_robot.xml with the numbers of a robot."""
     path = find_models_folder() / f"{_FILE_NAME}.xml"
     root = parse_mjcf(path.read_text().replace(_FILE_NAME, name))
@@ -135,7 +135,7 @@ def _build_standard_robot(settings: Settings, name: str) -> ElementTree.Element:
     return root
 
 
-def _build_custom_robot(settings: Settings, name: str) -> ElementTree.Element:
+def _build_custom_mjcf(settings: Settings, name: str) -> ElementTree.Element:
     """Return the MJCF of a user's robot with the numbers of its settings.
 
     Raises:

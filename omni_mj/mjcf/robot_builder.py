@@ -45,7 +45,7 @@ def build_robot_spec(mechanics: Mechanics) -> RobotSpec:
     """
     body, wheels, gear_ratio, rotor_inertia, mjcf_file = mechanics
     if not mjcf_file:
-        return _build_standard_robot(mechanics)
+        return _build_standard_spec(mechanics)
     custom = read_custom_robot(mjcf_file)
     motor = {"gear_ratio": gear_ratio, "rotor_inertia_kg_m2": rotor_inertia}
     sections = {"body": body, "wheels": wheels, "motor": motor}
@@ -59,7 +59,7 @@ def build_robot_spec(mechanics: Mechanics) -> RobotSpec:
 
 
 @lru_cache(maxsize=16)
-def _build_standard_robot(mechanics: Mechanics) -> RobotSpec:
+def _build_standard_spec(mechanics: Mechanics) -> RobotSpec:
     """Return the specification of models/ssl_robot.xml with the numbers of the settings."""
     path = find_models_folder() / "ssl_robot.xml"
     root = ElementTree.parse(path).getroot()

@@ -25,7 +25,11 @@ import numpy as np
 
 from omni_control.errors import OmniError
 from omni_mj.mjcf import hulls, rollers
-from omni_mj.mjcf.attachable_robot import AttachableRobot, attach_robot, attach_to_field
+from omni_mj.mjcf.attachable_robot import (
+    AttachableRobot,
+    attach_with_contact_pairs,
+    attach_without_contacts,
+)
 from omni_mj.mjcf.robot_geometry import make_printable_moments
 from omni_mj.mjcf.robot_parts import RobotIndices, find_roller_geoms
 
@@ -51,10 +55,10 @@ def is_field(scene: mujoco.MjSpec) -> bool:
     )
 
 
-def attach_to_scene(
+def attach_with_scene_contacts(
     scene: mujoco.MjSpec, robot: AttachableRobot, prefix: str, frame: mujoco.MjsFrame
 ) -> None:
-    """Attach a robot to a scene, so that it meets all that collides in the scene.
+    """Attach a robot to any scene. It meets everything that collides in the scene.
 
     Args:
         scene: Specification of the scene; changed in place.
@@ -68,10 +72,10 @@ def attach_to_scene(
         for rim in robot.rims:
             body = robot.spec.body(rim)
             body.inertia = make_printable_moments(body.inertia)
-        attach_robot(scene, robot, prefix, frame)
+        attach_without_contacts(scene, robot, prefix, frame)
         return
     other_spheres = [g.name for g in scene.geoms if g.name.endswith(hulls.SPHERE_SUFFIX)]
-    attach_to_field(scene, robot, prefix, other_spheres, frame)
+    attach_with_contact_pairs(scene, robot, prefix, other_spheres, frame)
     # With the geoms of the field there are contact pairs only.
     for body in (robot.chassis, *(robot.spec.geom(g).parent.name for g in robot.contact_geoms)):
         scene.add_exclude(bodyname1="world", bodyname2=prefix + body)

@@ -19,7 +19,7 @@ from omni_mj.config.robot_settings import Mechanics
 from omni_mj.config.settings import Settings
 from omni_mj.mjcf import rollers
 from omni_mj.mjcf.attachable_robot import (
-    attach_to_field,
+    attach_with_contact_pairs,
     find_load_addresses,
     prepare_robot,
     stiffen_slip_hinges,
@@ -89,7 +89,9 @@ def _build_world(
     robot = prepare_robot(robot_spec, mechanics, with_hulls)
     other_spheres = list[str]()
     for slot in range(n_robots):
-        other_spheres += attach_to_field(field, robot, f"robot_{slot + 1}/", other_spheres)
+        other_spheres += attach_with_contact_pairs(
+            field, robot, f"robot_{slot + 1}/", other_spheres
+        )
     if n_robots == 1:  # with one robot there is one island; listing it costs 7 % of a step
         field.option.disableflags |= mujoco.mjtDisableBit.mjDSBL_ISLAND
     field.option.impratio = rollers.FRICTION_STIFFNESS_RATIO
