@@ -5,10 +5,10 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from omni_mj.atomic_files import write_text
 from omni_mj.cli import console, options, output_folders
 from omni_mj.cli.interrupts import Interrupts
-from omni_mj.printable_text import format_count
+from omni_mj.io.atomic_files import write_text
+from omni_mj.io.printable_text import format_count
 
 if TYPE_CHECKING:
     from omni_mj.results.result import Outcome, Result

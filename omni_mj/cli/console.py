@@ -14,8 +14,8 @@ from typing import TYPE_CHECKING, Any, NoReturn
 import click
 
 from omni_control.errors import MAX_LINE_LENGTH, OmniError, to_printable
-from omni_mj.atomic_files import check_folder
-from omni_mj.printable_text import PrintableOutput, format_count, join_words
+from omni_mj.io.atomic_files import check_folder
+from omni_mj.io.printable_text import PrintableOutput, format_count, join_words
 
 if TYPE_CHECKING:
     from omni_mj.results.result import Outcome
@@ -187,7 +187,7 @@ def report_write_errors(folder: Path) -> Iterator[None]:
     """Exit with an error of one line if the block is interrupted or cannot write to a folder.
 
     Raises:
-        OmniError: See `omni_mj.atomic_files.check_folder`.
+        OmniError: See `omni_mj.io.atomic_files.check_folder`.
     """
     try:
         yield

@@ -196,7 +196,7 @@ def _drive(
     quiet: bool,
 ) -> None:
     """Drive the robots, save the results, and print them with the measured latency."""
-    from omni_mj.atomic_files import write_json
+    from omni_mj.io.atomic_files import write_json
     from omni_mj.live import drive_setup, latency_fit
 
     def show(text: str) -> None:

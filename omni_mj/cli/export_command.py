@@ -12,8 +12,8 @@ from typing import Any
 import click
 
 from omni_control.errors import OmniError
-from omni_mj.atomic_files import write_files, write_json
 from omni_mj.cli import console, options, output_folders
+from omni_mj.io.atomic_files import write_files, write_json
 from omni_mj.mjcf.wheel_model import WheelDesign, render_wheel_files
 
 _PICTURE_PROGRAM = """

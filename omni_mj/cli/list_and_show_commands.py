@@ -8,8 +8,8 @@ from pathlib import Path
 import click
 
 from omni_control.errors import OmniError, suggest_names
-from omni_mj.atomic_files import write_text
 from omni_mj.cli import descriptions, options
+from omni_mj.io.atomic_files import write_text
 
 STARTER_FILES = {  # kind -> suffix, and arguments of omni-mj run that use the file
     "scenario": (".toml", "--scenario {path}"),

@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING
 import click
 
 from omni_control.errors import OmniError
-from omni_mj.atomic_files import lock_folder, read_json
 from omni_mj.cli import console
+from omni_mj.io.atomic_files import lock_folder, read_json
 
 if TYPE_CHECKING:
     from omni_mj.config.scenario import Scenario

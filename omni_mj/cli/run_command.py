@@ -10,7 +10,7 @@ import click
 from omni_control.errors import OmniError
 from omni_mj.cli import console, options, output_folders
 from omni_mj.cli.interrupts import Interrupts
-from omni_mj.printable_text import join_words
+from omni_mj.io.printable_text import join_words
 
 if TYPE_CHECKING:
     from omni_mj.results.result import Result
@@ -96,7 +96,7 @@ def run_and_save(
         quiet: Whether the progress bar is hidden.
         study: Name of the command.
     """
-    from omni_mj.atomic_files import write_text
+    from omni_mj.io.atomic_files import write_text
     from omni_mj.studies import run_scenario
 
     scenario = simulation.scenario

@@ -108,7 +108,7 @@ def serve_command(
     **values: Any,
 ) -> None:
     """Simulate robots for software that uses the league's protocols."""
-    from omni_mj.atomic_files import write_text
+    from omni_mj.io.atomic_files import write_text
     from omni_mj.live.serve import initial_setup
     from omni_mj.live.serve.served_world import ServedWorld
     from omni_mj.live.serve.server import Server

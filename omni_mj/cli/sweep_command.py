@@ -7,7 +7,7 @@ import click
 from omni_control.errors import OmniError
 from omni_mj.cli import console, options, output_folders, run_command
 from omni_mj.cli.interrupts import Interrupts
-from omni_mj.printable_text import format_count, join_words
+from omni_mj.io.printable_text import format_count, join_words
 
 OUTPUTS = (
     "sweep.json",

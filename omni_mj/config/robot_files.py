@@ -14,8 +14,8 @@ from pathlib import Path
 from typing import Any
 
 from omni_control.errors import OmniError, suggest_names, to_printable
-from omni_mj.atomic_files import read_regular_file
 from omni_mj.config import toml_files
+from omni_mj.io.atomic_files import read_regular_file
 
 DEFAULT_ROBOT = "tigers-v2016"
 DESCRIPTION = "description"  # the only key of a robot's file that is not a section

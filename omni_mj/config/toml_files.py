@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from omni_control.errors import OmniError, suggest_names, to_printable
-from omni_mj.atomic_files import read_regular_file
+from omni_mj.io.atomic_files import read_regular_file
 
 MAX_FILE_BYTES = 2_000_000
 MAX_NAME_LENGTH = 100  # characters, of a scenario's name

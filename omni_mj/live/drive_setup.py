@@ -12,6 +12,7 @@ from omni_control.kinematics import Array, body_to_world, wrap_angle
 from omni_mj.config import FRAME_RATE_HZ, distributions, plugins, reference_factory
 from omni_mj.config.plugins import label_controller
 from omni_mj.config.scenario import Scenario
+from omni_mj.io.printable_text import format_count
 from omni_mj.live.frame_clock import FrameClock, Pace
 from omni_mj.live.latency_fit import format_latency, measure_pulse
 from omni_mj.live.live_loop import Live
@@ -19,7 +20,6 @@ from omni_mj.live.sockets import Address, MessageCounter, Receiver, parse_addres
 from omni_mj.live.ssl_vision import SslVision, TeamColor
 from omni_mj.live.team_radio import PORTS, SenderConfig, SimulatorRadio, TeamRadio
 from omni_mj.live.wire import VISION_PORT
-from omni_mj.printable_text import format_count
 
 # After this time, frame rates are known within 1 % and clock offsets within a fraction of 1 ms.
 LISTEN_S = 1.5

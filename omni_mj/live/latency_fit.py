@@ -11,8 +11,8 @@ import numpy as np
 
 from omni_control.kinematics import Array, wrap_angle
 from omni_mj.config import FRAME_RATE_HZ, PERIOD_S
+from omni_mj.io.printable_text import format_count
 from omni_mj.live.live_loop import Live
-from omni_mj.printable_text import format_count
 
 LATENCIES = np.arange(0.0, 30.0, 0.02)  # candidates, frames
 # Turn rates of a pulse, rad/s, one per frame. They add up to no turn, even if the robot follows

@@ -9,10 +9,10 @@ import numpy as np
 from scipy.optimize import minimize_scalar
 
 from omni_control.kinematics import Array, wrap_angle
+from omni_mj.io.printable_text import format_count
 from omni_mj.live.sockets import MessageCounter
 from omni_mj.live.wire import MM_PER_M, WireError, parse_message
 from omni_mj.live.wire.league_pb2 import DetectedRobot, Detection, VisionPacket
-from omni_mj.printable_text import format_count
 
 TeamColor = Literal["blue", "yellow"]
 

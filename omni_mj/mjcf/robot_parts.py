@@ -19,7 +19,7 @@ from omni_control.errors import OmniError
 from omni_control.kinematics import Array
 from omni_mj.config.robot_settings import AZIMUTH_DIGITS
 from omni_mj.config.validation import raise_errors
-from omni_mj.printable_text import format_count
+from omni_mj.io.printable_text import format_count
 
 Ids = NDArray[np.int_]
 # Rollers of a wheel that is reduced to those at the bottom (`wheels.model = two-rollers`).

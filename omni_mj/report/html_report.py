@@ -14,9 +14,9 @@ from typing import Any
 import jinja2
 
 from omni_control.errors import OmniError
-from omni_mj.atomic_files import write_text
 from omni_mj.config.faults import WHEELED_PLANTS
 from omni_mj.config.settings import list_settings
+from omni_mj.io.atomic_files import write_text
 from omni_mj.results import result_tables
 from omni_mj.results.result_tables import Summary
 from omni_mj.results.saturation import METRIC_LABELS

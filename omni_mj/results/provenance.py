@@ -17,9 +17,9 @@ from typing import Any
 import omni_control
 from omni_control.controllers.registry import CONTROLLERS, get_parameters
 from omni_control.errors import OmniError
-from omni_mj.atomic_files import read_json, write_files, write_json
 from omni_mj.config import plugins, robot_files
 from omni_mj.config.scenario import Scenario
+from omni_mj.io.atomic_files import read_json, write_files, write_json
 from omni_mj.results.summary import flatten, package_versions
 
 PROVENANCE_FORMAT = 3  # version of the keys of provenance.json

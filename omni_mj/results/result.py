@@ -12,10 +12,10 @@ import numpy as np
 
 from omni_control.arguments import check_types
 from omni_control.errors import OmniError, suggest_names
-from omni_mj.atomic_files import create_folder, lock_folder, write_json, write_text
 from omni_mj.config.rows import Row
 from omni_mj.config.scenario import Scenario
 from omni_mj.config.settings import Settings
+from omni_mj.io.atomic_files import create_folder, lock_folder, write_json, write_text
 from omni_mj.results import summary
 from omni_mj.results.result_tables import results_table
 from omni_mj.results.text_table import format_table

@@ -12,9 +12,9 @@ import numpy as np
 
 from omni_control.errors import OmniError
 from omni_control.kinematics import Array
-from omni_mj.atomic_files import read_json
 from omni_mj.config import PERIOD_S
 from omni_mj.config.scenario import Scenario
+from omni_mj.io.atomic_files import read_json
 from omni_mj.results import events, metrics, paired_comparison, paper_tables, saturation
 from omni_mj.results.alpha_windows import alpha_percentiles
 from omni_mj.results.metrics import AXES, EXCURSION, RECOVERY, STATISTICS, UNITS

@@ -7,7 +7,7 @@ from collections import Counter
 from collections.abc import Mapping
 from typing import Any
 
-from omni_mj.printable_text import format_count
+from omni_mj.io.printable_text import format_count
 from omni_mj.results.paired_comparison import ROUNDING_M, STATISTIC_LABELS, paired_difference
 
 Results = Mapping[str, Mapping[str, Any]]  # controller -> its results in summary.json

@@ -5,7 +5,7 @@ import textwrap
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 
-from omni_mj.printable_text import to_encodable
+from omni_mj.io.printable_text import to_encodable
 
 DASH = "\N{EN DASH}"
 TERMINAL_WIDTH = 80

@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from omni_control.kinematics import Array
-from omni_mj import parquet
 from omni_mj.config import PERIOD_S
 from omni_mj.config.rows import Row
+from omni_mj.io import parquet
 from omni_mj.plants.telemetry import TELEMETRY_NAMES
 from omni_mj.simulation.frame_blocks import FrameBlocks
 

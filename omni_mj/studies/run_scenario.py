@@ -12,7 +12,7 @@ from omni_control.errors import OmniError, suggest_names
 from omni_mj.config.plugins import ControllerSpec, find_controller, label_controller
 from omni_mj.config.reference_factory import build_timed_reference
 from omni_mj.config.scenario import MAX_SEEDS, Scenario, load_with_overrides
-from omni_mj.free_memory import measure_free_bytes
+from omni_mj.io.free_memory import measure_free_bytes
 from omni_mj.results import metrics, summary
 from omni_mj.results.result import Outcome, Result
 from omni_mj.robot.numpy_and_jax_backends import choose_backend

@@ -14,12 +14,12 @@ import numpy as np
 
 from omni_control.arguments import check_types
 from omni_control.errors import OmniError
-from omni_mj import parquet
-from omni_mj.atomic_files import read_json
 from omni_mj.config import toml_files
 from omni_mj.config.plugins import is_class_path
 from omni_mj.config.scenario import TOP_LEVEL_FIELDS, Scenario, load_with_overrides
-from omni_mj.printable_text import format_count
+from omni_mj.io import parquet
+from omni_mj.io.atomic_files import read_json
+from omni_mj.io.printable_text import format_count
 from omni_mj.results import summary
 from omni_mj.results.provenance import (
     ENVIRONMENT_KEYS,

@@ -15,8 +15,8 @@ from matplotlib.ticker import LogLocator, MaxNLocator, NullLocator
 from numpy.typing import NDArray
 
 from omni_control.kinematics import Array
-from omni_mj.atomic_files import open_atomic
 from omni_mj.config import FRAME_RATE_HZ
+from omni_mj.io.atomic_files import open_atomic
 from omni_mj.viz import style
 
 LETTERS_PER_INCH = 12  # of titles and legends

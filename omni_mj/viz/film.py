@@ -12,11 +12,11 @@ from PIL import Image, ImageDraw, ImageFont
 
 from omni_control.errors import OmniError
 from omni_control.kinematics import Array
-from omni_mj import parquet
-from omni_mj.atomic_files import open_atomic
 from omni_mj.config import PERIOD_S
 from omni_mj.config.resolve import resolve_settings
 from omni_mj.config.settings import Settings
+from omni_mj.io import parquet
+from omni_mj.io.atomic_files import open_atomic
 from omni_mj.mjcf import world_builder
 from omni_mj.mjcf.field import ROBOT_HEIGHT_M, ROBOT_RADIUS_M
 from omni_mj.results.summary import read_summary

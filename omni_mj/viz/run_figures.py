@@ -9,8 +9,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from omni_control.kinematics import Array
-from omni_mj.atomic_files import create_folder
 from omni_mj.config import FRAME_RATE_HZ
+from omni_mj.io.atomic_files import create_folder
 from omni_mj.results.result import Outcome
 from omni_mj.results.result_tables import describe_plant
 from omni_mj.viz import figure_helpers, style

@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 import omni_mj as om
-from omni_mj.printable_text import PrintableOutput, join_words
+from omni_mj.io.printable_text import PrintableOutput, join_words
 from omni_mj.results.result_tables import results_table
 from omni_mj.results.text_table import format_table
 

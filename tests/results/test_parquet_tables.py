@@ -11,7 +11,7 @@ import pytest
 from commands import invoke
 
 import omni_mj as om
-from omni_mj import parquet
+from omni_mj.io import parquet
 
 N_ROWS = 123_457
 

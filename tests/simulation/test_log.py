@@ -13,7 +13,7 @@ import pyarrow.parquet as pq
 import pytest
 from benches.logs import fill_log, rows
 
-from omni_mj import parquet
+from omni_mj.io import parquet
 from omni_mj.simulation import frame_blocks
 from omni_mj.simulation.log import Log
 
@@ -40,7 +40,7 @@ def test_a_table_is_read_without_threads(tmp_path: Path) -> None:
     """If there is no memory to start a thread, Arrow waits for it forever."""
     fill_log(rows(["a"]), 10).save(tmp_path / "table.parquet")
     code = (
-        "import os, sys, pathlib, pyarrow.parquet\nfrom omni_mj import parquet\n"
+        "import os, sys, pathlib, pyarrow.parquet\nfrom omni_mj.io import parquet\n"
         "before = len(os.listdir('/proc/self/task'))\n"
         "parquet.read_table(pathlib.Path(sys.argv[1]))\n"
         "print(len(os.listdir('/proc/self/task')) - before)"

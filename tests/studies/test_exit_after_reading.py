@@ -10,7 +10,7 @@ import pyarrow.parquet as pq
 READ = """
 import sys
 from pathlib import Path
-from omni_mj import parquet
+from omni_mj.io import parquet
 parquet.read_table(Path(sys.argv[1]))
 """
 

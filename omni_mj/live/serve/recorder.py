@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from omni_mj import parquet
 from omni_mj.config import CYCLES_PER_FRAME, FRAME_RATE_HZ
+from omni_mj.io import parquet
 from omni_mj.live.serve.detections import RobotName
 from omni_mj.live.serve.served_world import ServedWorld
 from omni_mj.simulation.log import Log

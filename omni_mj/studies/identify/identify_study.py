@@ -17,9 +17,9 @@ import numpy as np
 
 from omni_control.arguments import check_types
 from omni_control.kinematics import Array, Kinematics, world_to_body
-from omni_mj.atomic_files import write_json, write_text
 from omni_mj.config import robot_files, toml_files
 from omni_mj.config.scenario import Scenario, load_scenario
+from omni_mj.io.atomic_files import write_json, write_text
 from omni_mj.results.text_table import DASH, Table, format_table
 from omni_mj.studies.identify import log_checks, robot_file_writer
 from omni_mj.studies.identify.cross_validation import Prediction, cross_validate

@@ -19,8 +19,8 @@ from scipy.interpolate import BSpline, make_interp_spline
 
 from omni_control.errors import OmniError, suggest_names, to_printable
 from omni_control.kinematics import Array
-from omni_mj import parquet
 from omni_mj.config import toml_files
+from omni_mj.io import parquet
 
 Columns = dict[str, pa.ChunkedArray]
 
@@ -307,7 +307,7 @@ def _parse_csv(
     path: Path, n_skipped: int, names: Sequence[str], separator: str, decimal_point: str
 ) -> pa.Table:
     """Parse the lines of a CSV file after the first n_skipped ones."""
-    with pa.OSFile(os.fsencode(path)) as file:  # as in `omni_mj.parquet`
+    with pa.OSFile(os.fsencode(path)) as file:  # as in `omni_mj.io.parquet`
         return pa.csv.read_csv(
             file,
             read_options=pa.csv.ReadOptions(skip_rows=n_skipped, column_names=list(names)),

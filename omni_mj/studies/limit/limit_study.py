@@ -18,7 +18,7 @@ from omni_mj.config.plugins import ControllerSpec
 from omni_mj.config.rows import build_single_robot_rows
 from omni_mj.config.scenario import Scenario
 from omni_mj.config.world_settings import RandomizationSettings
-from omni_mj.printable_text import format_count
+from omni_mj.io.printable_text import format_count
 from omni_mj.results.paired_comparison import STATISTIC_LABELS, mean_position_error
 from omni_mj.results.result import Outcome, Result
 from omni_mj.results.result_tables import describe_plant, format_mean_cm

@@ -10,10 +10,10 @@ from typing import Any
 import numpy as np
 import pyarrow as pa
 
-from omni_mj.atomic_files import write_text
 from omni_mj.config.plugins import format_controller_spec
 from omni_mj.config.toml_files import format_toml_value
-from omni_mj.printable_text import format_count, join_words
+from omni_mj.io.atomic_files import write_text
+from omni_mj.io.printable_text import format_count, join_words
 from omni_mj.results.seed_statistics import CONFIDENCE, finite_or_none
 from omni_mj.results.text_table import (
     Table,

@@ -18,11 +18,11 @@ import pyarrow as pa
 
 from omni_control.arguments import check_types
 from omni_control.errors import OmniError
-from omni_mj import parquet
-from omni_mj.atomic_files import check_folder, create_folder, lock_folder, write_json, write_text
 from omni_mj.config.plugins import ControllerSpec
 from omni_mj.config.rows import build_rows
 from omni_mj.config.scenario import Scenario
+from omni_mj.io import parquet
+from omni_mj.io.atomic_files import check_folder, create_folder, lock_folder, write_json, write_text
 from omni_mj.results.metrics import row_metrics
 from omni_mj.results.provenance import check_unchanged, save_provenance
 from omni_mj.results.result import list_row_columns

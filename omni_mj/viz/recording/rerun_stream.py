@@ -15,8 +15,8 @@ import rerun.blueprint as rrb
 from numpy.typing import NDArray
 
 from omni_control.errors import OmniError
-from omni_mj.atomic_files import check_folder
 from omni_mj.config import PERIOD_S
+from omni_mj.io.atomic_files import check_folder
 from omni_mj.viz.recording.viewer import is_listening
 
 Frames = NDArray[np.int_]  # numbers of frames, (n,)

@@ -17,7 +17,7 @@ from urllib.parse import urlsplit
 from rerun.experimental import ViewerClient
 
 from omni_control.errors import OmniError
-from omni_mj.atomic_files import open_atomic
+from omni_mj.io.atomic_files import open_atomic
 
 START_TIMEOUT_S, CONNECT_TIMEOUT_S = 60.0, 2.0
 DRAW_TIMEOUT_S = 30.0  # for the viewer to load and draw

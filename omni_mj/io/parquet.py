@@ -11,8 +11,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from omni_control.errors import OmniError, to_printable
-from omni_mj.atomic_files import open_atomic
-from omni_mj.free_memory import measure_free_bytes
+from omni_mj.io.atomic_files import open_atomic
+from omni_mj.io.free_memory import measure_free_bytes
 
 if TYPE_CHECKING:
     import pyarrow as pa
@@ -67,7 +67,7 @@ def write_tables(arrow_tables: "Iterable[pa.Table]", path: Path) -> None:
     The file appears complete or not at all.
 
     Raises:
-        OSError: See `omni_mj.atomic_files.open_atomic`.
+        OSError: See `omni_mj.io.atomic_files.open_atomic`.
     """
     import pyarrow.parquet as pq
 

@@ -1,0 +1,1 @@
+"""Input and output: atomic files, Parquet tables, text for terminals, free memory."""
