@@ -50,6 +50,8 @@ class Team:
 
     Attributes:
         n: Number of robots.
+        controllers: The controllers.
+        robot_indices: Indices of the robots of each controller.
         frame: Frame number k of the latest observation; -1 before the first.
         filter: Kalman filter of all robots. If measurements are delayed, its state is that of an
             earlier frame.
@@ -126,14 +128,14 @@ class Team:
             [controllers] if isinstance(controllers, Controller) else list(controllers)
         )
         self._sizes = [len(c.predicted_pose) for c in self.controllers]
-        self._robot_indices = _assign_robots(self._sizes, robot_indices, self.n)
+        self.robot_indices = _assign_robots(self._sizes, robot_indices, self.n)
         self._period = period = self.controllers[0].model.period
         if any(c.model.period != period for c in self.controllers):
             raise OmniError(
                 "the models of a team's controllers must have frames of the same length"
             )
         models = np.empty(self.n, object)
-        for controller, robots in zip(self.controllers, self._robot_indices, strict=True):
+        for controller, robots in zip(self.controllers, self.robot_indices, strict=True):
             models[robots] = controller.model
         delays = np.array([model.delay_frames for model in models])
         self._delay_frames = delays[0].item() if (delays == delays[0]).all() else delays
@@ -231,7 +233,7 @@ class Team:
             raise OmniError("robots must be observed before they are commanded, in every frame")
         else:
             desired = np.zeros((self.n, 3))
-            for i, robots in enumerate(self._robot_indices):
+            for i, robots in enumerate(self.robot_indices):
                 if np.count_nonzero(self.inactive[robots]) < self._sizes[i]:
                     desired[robots] = self._call_controller(i)
         command = self._command_limiter(desired, self.last_command)
@@ -315,7 +317,7 @@ class Team:
         """Return the reference of a robot that takes targets, and the robot's row in it."""
         index = as_robot_indices(robot, self.n)[0]
         all_robots = np.arange(self.n)
-        for controller, selection in zip(self.controllers, self._robot_indices, strict=True):
+        for controller, selection in zip(self.controllers, self.robot_indices, strict=True):
             is_robot = all_robots[selection] == index
             if is_robot.any():
                 reference, row = controller.reference, int(is_robot.argmax())
@@ -326,7 +328,7 @@ class Team:
 
     def _call_controller(self, i: int) -> Array:
         """Return the commands of controller i, (size, 3); zero for robots that fail."""
-        controller, indices = self.controllers[i], self._robot_indices[i]
+        controller, indices = self.controllers[i], self.robot_indices[i]
         observation = self._true_observation if controller.knows_truth else self._observation
         assert observation is not None, "checked in observe"
         selection = observation.select(
@@ -373,7 +375,7 @@ class Team:
         """
         width = max(channels[name].shape[1] for channels in self._channels if name in channels)
         merged = np.full((self.n, width), np.nan)
-        for channels, robots in zip(self._channels, self._robot_indices, strict=True):
+        for channels, robots in zip(self._channels, self.robot_indices, strict=True):
             if name in channels:
                 merged[robots, : channels[name].shape[1]] = channels[name]
         merged[self.inactive] = np.nan

@@ -152,6 +152,10 @@ class Radio:
         self.change_settings(settings, faults)
         self._begin_frame()
 
+    def can_change(self, settings: RadioSettings, faults: Sequence[Fault]) -> bool:
+        """Return whether frames have the ticks that settings and faults of a row need."""
+        return self._ticks_per_frame > 1 or not needs_cycles(settings, faults)
+
     def change_settings(self, settings: Sequence[RadioSettings], faults: FaultsByRow = ()) -> None:
         """Change dead time, jitter, losses and faults of packets sent from now on.
 

@@ -15,7 +15,7 @@ from omni_mj.config import PERIOD_S, reference_factory
 from omni_mj.config.faults import Fault
 from omni_mj.config.settings import Settings
 from omni_mj.network.camera import Cameras
-from omni_mj.network.radio import Radio, needs_cycles
+from omni_mj.network.radio import Radio
 from omni_mj.plants.row_checks import MODEL_SETTINGS
 from omni_mj.simulation.simulation import Simulation
 from omni_mj.simulation.team_builder import build_controllers
@@ -66,9 +66,7 @@ class ChangeableSimulation(Simulation):
         return (
             hasattr(self.plant, "change_rows")
             and get_fixed(settings) == get_fixed(present)
-            # A radio without ticks within frames cannot get them.
-            and needs_cycles(settings.radio, settings.fault)
-            <= needs_cycles(present.radio, present.fault)
+            and self.radio.can_change(settings.radio, settings.fault)
         )
 
     def change_settings(self, settings: Settings, faults: Sequence[Sequence[Fault]]) -> None:
@@ -150,13 +148,17 @@ class ChangeableSimulation(Simulation):
     def _replace_controllers(self, is_new_reference: bool = False) -> None:
         """Build all controllers anew. References that depend on the past continue."""
         settings = self.scenario.settings
-        references = iter([controller.reference for controller in self.team.controllers])
+        team, all_rows = self.team, np.arange(len(self.rows))
+        references = {  # by the first row of each controller
+            all_rows[indices][0]: controller.reference
+            for indices, controller in zip(team.robot_indices, team.controllers, strict=True)
+        }
         limits = reference_factory.build_motion_limits(settings.reference)
 
         def get_reference(rows: np.ndarray) -> Reference:
             if is_new_reference:
                 return TargetReference(limits, PERIOD_S, len(rows))
-            return next(references)
+            return references[rows[0]]
 
         has_past = self.targets is not None or settings.reference.mode == "iterated"
         controllers, indices, failed_rows = build_controllers(
@@ -166,8 +168,8 @@ class ChangeableSimulation(Simulation):
             self._stop,
             get_reference if has_past else None,
         )
-        self.team.replace_controllers(controllers, indices)
-        self.team.stop(failed_rows)
+        team.replace_controllers(controllers, indices)
+        team.stop(failed_rows)
 
     def _record(self, *arguments: Any) -> None:
         if not self.done:  # the log would grow without end
