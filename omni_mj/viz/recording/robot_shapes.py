@@ -88,6 +88,18 @@ def points_above(pose: Array, height: float) -> Array:
     return np.column_stack([pose[:, :2], np.full(len(pose), height)])
 
 
+def are_visible(model: mujoco.MjModel, bodies: np.ndarray) -> np.ndarray:
+    """Return whether each geom belongs to one of some bodies and is drawn, (n,) bool."""
+    return np.isin(model.geom_bodyid, bodies) & (model.geom_group < VISIBLE_GROUPS)
+
+
+def mesh_triangles(model: mujoco.MjModel, geom: int) -> Array:
+    """Return the corners of a mesh geom's triangles, (triangles, 3, 3) m, in its own frame."""
+    mesh = model.mesh(model.geom_dataid[geom])
+    faces = model.mesh_face[mesh.faceadr[0] :][: mesh.facenum[0]]
+    return np.asarray(model.mesh_vert[mesh.vertadr[0] + faces])
+
+
 def cover_materials(model: mujoco.MjModel) -> list[int]:
     """Return the materials of covers, whose colors distinguish robots."""
     return [i for i in range(model.nmat) if model.mat(i).name.endswith("/cover")]
@@ -103,7 +115,7 @@ def _log_bodies(
 ) -> None:
     """Log the visible geoms of bodies, relative to an origin (3,) in m."""
     model = data.model
-    visible = np.isin(model.geom_bodyid, bodies) & (model.geom_group < VISIBLE_GROUPS)
+    visible = are_visible(model, bodies)
     centers = data.geom_xpos - origin
     for name, shape in SHAPES.items():
         geom_type = getattr(mujoco.mjtGeom, f"mjGEOM_{name}")
@@ -117,10 +129,9 @@ def _log_bodies(
                 fill_mode="solid",
             )
             stream.log(f"{entity}/{name.lower()}s", shapes, static=True)
-    for geom in np.flatnonzero((model.geom_type == mujoco.mjtGeom.mjGEOM_MESH) & visible):
-        mesh = model.mesh(model.geom_dataid[geom])
-        faces = model.mesh_face[mesh.faceadr[0] :][: mesh.facenum[0]]
-        corners = model.mesh_vert[mesh.vertadr[0] + faces] @ data.geom_xmat[geom].reshape(3, 3).T
+    is_mesh = model.geom_type == mujoco.mjtGeom.mjGEOM_MESH
+    for geom in np.flatnonzero(is_mesh & visible).tolist():
+        corners = mesh_triangles(model, geom) @ data.geom_xmat[geom].reshape(3, 3).T
         # Flat shading: each triangle (3 corners, 3 axes) has its own corners and normal.
         normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
         mesh_3d = rr.Mesh3D(
