@@ -1,6 +1,5 @@
 """3-D view of the page: field, robots, references, predicted poses, enlarged position errors."""
 
-from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import mujoco
@@ -19,8 +18,8 @@ if TYPE_CHECKING:
 
 HIDDEN = (0.0, 0.0, -10.0)  # position of something that has none, below the field
 DEBRIS_COLOR = (140, 110, 70)
-TRAIL_LENGTH = 120  # updates of the view
-LINE_STRIDE = 2  # updates of the view between those of lines, which browsers draw more slowly
+TRAIL_LENGTH = 240  # updates of the view
+LINE_STRIDE = 4  # updates of the view between those of lines, which browsers draw more slowly
 FLAG_HEIGHT_M = ROBOT_HEIGHT_M + 0.05  # of the lowest error arrow
 # MuJoCo geom type -> mesh of its sizes.
 MESHES: dict[str, Any] = {
@@ -38,11 +37,9 @@ class FieldView:
     Args:
         api: viser's scene of the page.
         session: Session with n robots.
-        colors: Color of each robot.
     """
 
-    def __init__(self, api: Any, session: "PlaySession", colors: Sequence[style.Rgb]) -> None:
-        self._colors = np.array(colors)
+    def __init__(self, api: Any, session: "PlaySession") -> None:
         simulation, self._labels = session.simulation, session.labels
         paths = [reference.poses for reference in simulation.references]
         self._api, self._session = api, session
@@ -60,7 +57,7 @@ class FieldView:
             _add_path(api, f"/reference/{i}", path, scene.REFERENCE_COLOR, 0.015)
         self._robots, self._ghosts, self._targets, self._names = [], [], [], []
         self._paths = []
-        for i, (label, color) in enumerate(zip(session.labels, colors, strict=True)):
+        for i, (label, color) in enumerate(zip(session.labels, session.colors, strict=True)):
             mesh = build_robot_mesh(simulation.rows[i].settings, color)
             self._robots.append(api.add_mesh_trimesh(f"/robot/{i}", mesh))
             ghost = api.add_cylinder(
@@ -75,7 +72,7 @@ class FieldView:
         self._arrows = api.add_arrows(
             "/error",
             self._tips(session.snapshot),
-            self._colors,
+            np.array(session.colors),
             shaft_radius=0.01,
             head_radius=0.03,
             head_length=0.06,
@@ -133,16 +130,13 @@ def build_robot_mesh(settings: "Settings", cover_color: style.Rgb) -> Any:
     world, data = robot_shapes.stand_at_origin(settings)
     model, colors = world.model, robot_shapes.geom_colors(world, cover_color)
     bodies = np.flatnonzero(model.body_rootid == world.robots[0].chassis)
-    is_visible = np.isin(model.geom_bodyid, bodies)
-    is_visible &= model.geom_group < robot_shapes.VISIBLE_GROUPS
     geom_meshes = []
-    for geom in np.flatnonzero(is_visible):
+    for geom in np.flatnonzero(robot_shapes.are_visible(model, bodies)).tolist():
         name = mujoco.mjtGeom(model.geom_type[geom]).name.removeprefix("mjGEOM_")
         if name == "MESH":
-            mesh = model.mesh(model.geom_dataid[geom])
-            faces = model.mesh_face[mesh.faceadr[0] :][: mesh.facenum[0]]
-            vertices = model.mesh_vert[mesh.vertadr[0] :][: mesh.vertnum[0]]
-            mesh_i: Any = trimesh.Trimesh(vertices, faces, process=False)
+            corners = robot_shapes.mesh_triangles(model, geom).reshape(-1, 3)
+            triangles = np.arange(len(corners)).reshape(-1, 3)
+            mesh_i: Any = trimesh.Trimesh(corners, triangles, process=False)
         else:
             mesh_i = MESHES[name](model.geom_size[geom])
         transform = np.eye(4)

@@ -1,13 +1,11 @@
 """Live plots of the page: errors, commands, alpha, temperatures, and estimates beside the truth."""
 
-from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from omni_control.kinematics import Array
 from omni_mj.config import FRAME_RATE_HZ
-from omni_mj.viz import style
 from omni_mj.viz.displayed_robots import ALPHA_RANGE
 
 if TYPE_CHECKING:
@@ -36,23 +34,18 @@ class LivePlots:
     Args:
         gui: GUI of the page.
         session: Session with n robots.
-        colors: Color of each robot.
 
     Attributes:
         handles: The plots.
     """
 
-    def __init__(
-        self, gui: "viser.GuiApi", session: "PlaySession", colors: Sequence[style.Rgb]
-    ) -> None:
-        self._session, self._n = session, len(colors)
+    def __init__(self, gui: "viser.GuiApi", session: "PlaySession") -> None:
+        self._session, self._n = session, len(session.labels)
         self._times = np.empty(0)
         self._values = np.empty(
             (0, sum(1 + has_truth for _, has_truth in PLOTS.values()) * self._n)
         )
-        self.handles = [
-            self._add_plot(gui, title, *options, colors) for title, options in PLOTS.items()
-        ]
+        self.handles = [self._add_plot(gui, title, *options) for title, options in PLOTS.items()]
 
     def add(self, snapshot: "Snapshot") -> None:
         """Store the values of a frame."""
@@ -68,7 +61,7 @@ class LivePlots:
             np.nan_to_num(100 * snapshot.error_m),  # without a target: NaN
             np.hypot(*snapshot.command.T[:2]),
             snapshot.alpha_hat[:, 0],
-            snapshot.alpha[:, 0] if is_dot else unknown,
+            self._session.compute_alpha()[:, 0] if is_dot else unknown,
             snapshot.latency_hat * 1000 / FRAME_RATE_HZ,
             np.multiply(dead_time, 1000 / FRAME_RATE_HZ) if is_dot else unknown,
             np.nan_to_num(snapshot.winding_c),
@@ -99,7 +92,6 @@ class LivePlots:
         title: str,
         y_range: tuple[float, float] | None,
         has_truth: bool,
-        colors: Sequence[style.Rgb],
     ) -> "viser.GuiUplotHandle":
         """Add an empty plot with a line per robot, and with dots for the truth."""
         series: list[Any] = [{"label": "time, s"}]
@@ -111,7 +103,7 @@ class LivePlots:
                     "width": 0 if is_truth else 1.5,
                     "points": {"show": is_truth, "size": 3, "fill": f"rgb{color}", "width": 0},
                 }
-                for label, color in zip(self._session.labels, colors, strict=True)
+                for label, color in zip(self._session.labels, self._session.colors, strict=True)
             ]
         data = tuple(np.array([0.0, 1.0]) for _ in series)
         return gui.add_uplot(

@@ -19,7 +19,6 @@ from omni_mj.play.field_view import FieldView
 from omni_mj.play.live_plots import LivePlots
 from omni_mj.play.play_session import MAX_CONTROLLERS
 from omni_mj.play.state_links import format_link
-from omni_mj.viz import style
 from omni_mj.viz.recording import scene
 
 if TYPE_CHECKING:
@@ -44,6 +43,7 @@ class SliderInfo(NamedTuple):
         low: Left end.
         high: Right end, extended if the setting exceeds it.
         step: Step.
+        default: Value of a controller's parameter without a setting.
     """
 
     label: str
@@ -51,6 +51,7 @@ class SliderInfo(NamedTuple):
     low: float
     high: float
     step: float
+    default: float = 0.0
 
 
 SLIDERS = {
@@ -178,7 +179,7 @@ class PlayPage:
             f'<td align="right">{rms:.1f}</td></tr>'
             for label, color, error, rms in zip(
                 play.session.labels,
-                self._colors,
+                play.session.colors,
                 100 * snapshot.error_m,
                 self.plots.rms_error_cm(),
                 strict=True,
@@ -200,30 +201,26 @@ class PlayPage:
         for element in self._rebuilt:
             element.remove()
         session = self._play.session
-        indices = style.style_indices(row.controller for row in session.simulation.rows)
-        controllers = [row.controller for row in session.simulation.rows]
-        self._colors = [style.rgb(style.color(indices[name])) for name in controllers]
-        self.view = FieldView(self._web.scene, session, self._colors)
+        self.view = FieldView(self._web.scene, session)
         area = [*self.view.center, self.view.size_m]
         if area != self._shown_area:
             self._shown_area = area
             for client in self._web.get_clients().values():
                 self._place_camera(client)
         with self._plot_tab:
-            self.plots = LivePlots(self._gui, session, self._colors)
+            self.plots = LivePlots(self._gui, session)
         self._add_sliders()
         self._rebuilt = [*self.plots.handles, *self._sliders.values()]
 
     def _add_sliders(self) -> None:
         """Add a slider for each setting, and for the parameters of the controllers."""
-        infos, self._defaults = dict(SLIDERS), dict[str, float]()
+        infos = dict(SLIDERS)
         for spec in self._play.session.scenario.controllers:
             label = plugins.label_controller(spec)
             for parameter, value in get_parameters(plugins.find_controller(spec)).items():
                 name = f"controller.{label}.{parameter}"
                 if type(value) is float and value > 0:
-                    infos[name] = SliderInfo(name[11:], 1.0, 0.0, 4 * value, value / 20)
-                    self._defaults[name] = value
+                    infos[name] = SliderInfo(name[11:], 1.0, 0.0, 4 * value, value / 20, value)
         self._infos, self._sliders = infos, {}
         for name, info in infos.items():
             value = self._slider_value(name)
@@ -241,7 +238,7 @@ class PlayPage:
         if name in SLIDERS:
             return float(attrgetter(name)(settings)) * self._infos[name].scale
         _, label, parameter = name.split(".")
-        return float(settings.controller.get(label, {}).get(parameter, self._defaults[name]))
+        return float(settings.controller.get(label, {}).get(parameter, self._infos[name].default))
 
     def _change(self, name: str, value: float) -> None:
         """Change a setting to a value on its slider."""

@@ -15,14 +15,15 @@ import viser
 from omni_control.errors import OmniError
 from omni_mj.config import PERIOD_S, plugins
 from omni_mj.config.scenario import Scenario
+from omni_mj.live.sockets import LOOPBACK
 from omni_mj.play.play_page import PlayPage
 from omni_mj.play.play_session import MAX_CONTROLLERS, PlaySession
 from omni_mj.play.state_links import load_link
 from omni_mj.play.time_limit import USER_LIMIT_S, TimeLimitError, limit_time
 from omni_mj.studies.run_scenario import StoppedError, quiet_mujoco
 
-HOST, DEFAULT_PORT = "127.0.0.1", 8642
-VIEW_PERIOD_S, PLOT_PERIOD_S = 1 / 30, 0.2
+DEFAULT_PORT = 8642
+PLOT_PERIOD_S = 0.2
 IDLE_S = 0.03  # between checks while nothing moves
 CLOSED_S = 5.0  # without a page, after the last one was closed, until the program ends
 ACTION_LIMIT_S = 60.0  # longest time of a restart
@@ -88,9 +89,9 @@ class PlayServer:
         self._own_name = scenario.name
         self._file_times: dict[str, float] = {}
         with redirect_stdout(None):  # viser prints its address, which is not that of the page
-            self._viser = viser.ViserServer(HOST, port=0, verbose=False)
+            self._viser = viser.ViserServer(LOOPBACK, port=0, verbose=False)
         try:
-            self.url = f"http://{HOST}:{self._accept_browsers(port)}/"
+            self.url = f"http://{LOOPBACK}:{self._accept_browsers(port)}/"
             self.page = PlayPage(self, self._viser)
             self._name_left_out(scenario)
         except BaseException:
@@ -112,7 +113,7 @@ class PlayServer:
         Raises:
             StoppedError: A signal came.
         """
-        due = viewed = plotted = rate_measured = time.monotonic()
+        due = plotted = rate_measured = time.monotonic()
         snapshot = self.session.snapshot
         while not self._is_left():
             self._stop_requests.check()
@@ -129,10 +130,8 @@ class PlayServer:
             else:
                 due = rate_measured = max(due, time.monotonic() + IDLE_S)
                 self._frames = 0
+            self.page.view.update(self.session.snapshot)
             now = time.monotonic()
-            if now - viewed > VIEW_PERIOD_S:
-                viewed = now
-                self.page.view.update(self.session.snapshot)
             if now - plotted > PLOT_PERIOD_S:
                 plotted = now
                 self._reload_saved_files()
@@ -222,7 +221,7 @@ class PlayServer:
         """Accept connections of browsers, and return the port."""
         loop = self._viser.get_event_loop()
         for candidate in (DEFAULT_PORT, 0) if port is None else (port,):
-            server = asyncio.start_server(self._connect, HOST, candidate, limit=MAX_HEAD_BYTES)
+            server = asyncio.start_server(self._connect, LOOPBACK, candidate, limit=MAX_HEAD_BYTES)
             try:
                 listener = asyncio.run_coroutine_threadsafe(server, loop).result()
             except OSError:
@@ -242,7 +241,7 @@ class PlayServer:
         lines = head.decode("latin-1").split("\r\n")
         headers = dict(line.lower().split(": ", 1) for line in lines[1:] if ": " in line)
         host = headers.get("host", "")
-        if urlsplit(f"//{host}").hostname not in (HOST, "localhost") or (
+        if urlsplit(f"//{host}").hostname not in (LOOPBACK, "localhost") or (
             headers.get("origin", f"http://{host}") != f"http://{host}"
         ):
             return await _respond(writer, "403 Forbidden")
@@ -253,7 +252,7 @@ class PlayServer:
             self.request("link", lambda: self._play(load_link(query)))
             return await _respond(writer, "303 See Other\r\nLocation: /")
         try:
-            to_viser = await asyncio.open_connection(HOST, self._viser.get_port())
+            to_viser = await asyncio.open_connection(LOOPBACK, self._viser.get_port())
         except OSError:  # the program is ending
             return writer.close()
         to_viser[1].write(head)

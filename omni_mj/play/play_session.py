@@ -4,11 +4,11 @@ It knows no browser: `omni_mj.play.play_page` shows it.
 """
 
 from collections import deque
-from collections.abc import Iterable, Sequence
-from contextlib import ExitStack
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
+from itertools import count
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -22,6 +22,11 @@ from omni_mj.config.validation import MAX_COORDINATE_M
 from omni_mj.play.time_limit import TimeLimitError
 from omni_mj.results.alpha_windows import ALPHA_START_FRAMES, ALPHA_WINDOW_FRAMES, driven_alpha
 from omni_mj.simulation.changeable_simulation import ChangeableSimulation
+from omni_mj.viz.displayed_robots import name_and_color
+from omni_mj.viz.style import Rgb
+
+if TYPE_CHECKING:
+    from omni_mj.viz.recording import Recording
 
 MAX_CONTROLLERS = 3
 PUSH_N, PUSH_S = 40.0, 0.2
@@ -41,8 +46,6 @@ class Snapshot:
         predicted: Poses for which the commands were computed, (n, 3) m, m, rad.
         command: Commands sent, world frame, (n, 3) m/s, m/s, rad/s.
         error_m: Distances from the reference or target, (n,) m.
-        alpha: Ratios of achieved to commanded displacement in the last 0.25 s, forward and
-            sideways, (n, 2).
         alpha_hat: The controllers' estimates of alpha, (n, 2).
         winding_c: Temperatures of the hottest windings, (n,) deg C.
         latency_hat: The controllers' estimates of the latency, forward, (n,) frames.
@@ -56,7 +59,6 @@ class Snapshot:
     predicted: Array
     command: Array
     error_m: Array
-    alpha: Array
     alpha_hat: Array
     winding_c: Array
     latency_hat: Array
@@ -78,6 +80,7 @@ class PlaySession:
     Attributes:
         simulation: The simulation since the last restart.
         labels: Label of each robot: its controller, with its slot if worlds have several robots.
+        colors: Color of each robot, RGB bytes.
         snapshot: The latest frame, at first the start.
 
     Raises:
@@ -86,6 +89,7 @@ class PlaySession:
 
     simulation: ChangeableSimulation
     labels: tuple[str, ...]
+    colors: tuple[Rgb, ...]
     snapshot: Snapshot
 
     @check_types
@@ -95,8 +99,8 @@ class PlaySession:
         controllers: Sequence[plugins.ControllerSpec] | None = None,
         record: Path | None = None,
     ) -> None:
-        self._record, self._n_recordings = record, 0
-        self._recordings = ExitStack()
+        self._recording_paths = _number_paths(record) if record else None
+        self._recording: Recording | None = None
         self.restart(scenario, controllers)
 
     @property
@@ -132,31 +136,31 @@ class PlaySession:
         scenario = _choose_controllers(scenario or self.scenario, controllers)
         settings = scenario.settings_for_seed(scenario.seed)
         scenario = scenario.replace(seeds=1, settings=settings, distributions={})
-        simulation = ChangeableSimulation(scenario, keep_log=self._record is not None)
-        self._recordings.close()
+        simulation = ChangeableSimulation(scenario, keep_log=self._recording_paths is not None)
+        self.close()
         self.simulation, rows = simulation, simulation.rows
-        has_teams = any(row.slot for row in rows)
-        self.labels = tuple(
-            f"{row.controller}/{row.slot}" if has_teams else row.controller for row in rows
-        )
+        self.labels, self.colors = zip(*name_and_color(rows), strict=True)
         # Faults that buttons cause, by row
         self._faults: list[list[faults.Fault]] = [[] for _ in rows]
-        # Latest displacements of each frame, achieved and commanded, body frame, (2, n, 2) m
+        # Displacements in the latest frames, achieved and commanded, body frame, (2, n, 2) m
         self._displacements = deque[Array](maxlen=ALPHA_START_FRAMES + ALPHA_WINDOW_FRAMES)
-        self._last_pose = simulation.plant.pose()
         self.snapshot = Snapshot(**self._read_plant(), **self._read_team())
-        if self._record:
-            self._start_recording(self._record)
+        if self._recording_paths:
+            from omni_mj.viz.recording import Recording  # slow to import
+
+            self._recording = Recording(next(self._recording_paths), simulation)
 
     def advance(self) -> Snapshot:
         """Advance by a frame of 1/60 s, and return the snapshot of that frame."""
         plant_values = self._read_plant()
+        pose = plant_values["pose"]
         self.simulation.step()
-        self._last_pose = plant_values["pose"]
+        achieved = self.simulation.plant.pose() - pose
         commanded = PERIOD_S * self.simulation.received.command
-        self._commanded = world_to_body(commanded, self._last_pose[:, 2])[:, :2]
+        displacements = [world_to_body(moved, pose[:, 2])[:, :2] for moved in (achieved, commanded)]
+        self._displacements.append(np.array(displacements))
         self.snapshot = Snapshot(**plant_values, **self._read_team())
-        if self._record:
+        if self._recording:
             self._recording.update()
         return self.snapshot
 
@@ -278,9 +282,25 @@ class PlaySession:
         else:
             self.restart()
 
+    def compute_alpha(self) -> Array:
+        """Return the true alpha of the last 0.25 s, forward and sideways, (n, 2).
+
+        It is the achieved over the commanded displacement; NaN near standstill.
+        """
+        n = len(self.labels)
+        if len(self._displacements) < ALPHA_WINDOW_FRAMES:
+            return np.full((n, 2), np.nan)
+        achieved, commanded = np.moveaxis(np.array(self._displacements), 1, 0)
+        position = np.cumsum(np.concatenate([np.zeros((1, n, 2)), achieved]), axis=0)
+        velocity = np.concatenate([commanded, np.zeros((1, n, 2))]) / PERIOD_S
+        return np.asarray(driven_alpha(position, velocity)[-1])
+
     def close(self) -> None:
         """Finish the recording."""
-        self._recordings.close()
+        recording, self._recording = self._recording, None
+        if recording:
+            with recording:
+                recording.write()
 
     @property
     def _now(self) -> float:
@@ -292,15 +312,11 @@ class PlaySession:
         simulation = self.simulation
         pose, telemetry = simulation.plant.pose(), simulation.plant.telemetry()
         reference = simulation.compute_reference_poses()
-        if simulation.frame:
-            achieved = world_to_body(pose - self._last_pose, self._last_pose[:, 2])[:, :2]
-            self._displacements.append(np.array([achieved, self._commanded]))
         return {
             "time_s": self._now,
             "reference": reference,
             "pose": pose,
             "error_m": np.hypot(*(pose - reference)[:, :2].T),
-            "alpha": self._compute_alpha(len(pose)),
             "winding_c": telemetry.winding.max(1),
             "has_ended": simulation.done,
         }
@@ -316,15 +332,6 @@ class PlaySession:
             "latency_hat": team.latency_hat[:, 0],
             "failures": tuple(map(str, self.simulation.failures)),
         }
-
-    def _compute_alpha(self, n: int) -> Array:
-        """Return alpha of n robots, forward and sideways, (n, 2); NaN near standstill."""
-        if len(self._displacements) < ALPHA_WINDOW_FRAMES:
-            return np.full((n, 2), np.nan)
-        achieved, commanded = np.moveaxis(np.array(self._displacements), 1, 0)
-        position = np.cumsum(np.concatenate([np.zeros((1, n, 2)), achieved]), axis=0)
-        velocity = np.concatenate([commanded, np.zeros((1, n, 2))]) / PERIOD_S
-        return np.asarray(driven_alpha(position, velocity)[-1])
 
     def _choose_first_rows(self) -> list[int]:
         """Return the row of the first robot of each world."""
@@ -350,16 +357,6 @@ class PlaySession:
         self.simulation.change_settings(settings, row_faults)
         self._faults = row_faults
 
-    def _start_recording(self, path: Path) -> None:
-        """Record the present simulation."""
-        from omni_mj.viz.recording import Recording  # slow to import
-
-        self._n_recordings += 1
-        if self._n_recordings > 1:
-            path = path.with_stem(f"{path.stem}-{self._n_recordings}")
-        self._recording = self._recordings.enter_context(Recording(path, self.simulation))
-        self._recordings.callback(self._recording.write)
-
 
 def _choose_controllers(
     scenario: Scenario, controllers: Sequence[plugins.ControllerSpec] | None
@@ -374,6 +371,13 @@ def _choose_controllers(
     chosen = {label: values for label, values in parameters.items() if label in labels}
     settings = scenario.settings.model_copy(update={"controller": chosen})
     return scenario.replace(controllers=tuple(controllers), settings=settings)
+
+
+def _number_paths(path: Path) -> Iterator[Path]:
+    """Yield NAME.rrd, NAME-2.rrd, NAME-3.rrd and so on."""
+    yield path
+    for number in count(2):
+        yield path.with_stem(f"{path.stem}-{number}")
 
 
 def _check_numbers(*values: float) -> None:

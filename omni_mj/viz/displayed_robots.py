@@ -1,10 +1,13 @@
 """Robots that figures and recordings show, with the quantities that both compute from the log."""
 
+from collections import Counter
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from omni_control.kinematics import Array, wrap_angle
+from omni_mj.config.rows import Row
 from omni_mj.config.settings import Settings
 from omni_mj.results.alpha_windows import ALPHA_WINDOW_FRAMES, driven_alpha
 from omni_mj.simulation.log import CHANNEL_PREFIX, Log
@@ -90,17 +93,34 @@ def select_robots(log: Log, max_per_world: int | None = None) -> list[RecordedRo
         log: Log of the run.
         max_per_world: Number of robots per controller. Default: all.
     """
-    robots = []
     indices = style.style_indices(row.controller for row in log.rows)
-    for layer, (controller, style_index) in enumerate(indices.items()):
-        world = log.rows[log.rows_of(controller)[0]].world_index
-        rows = [
-            row for row in log.rows_of(controller).tolist() if log.rows[row].world_index == world
-        ]
-        rows = rows[:max_per_world]
-        for k, row in enumerate(rows):
-            name = controller if len(rows) == 1 else f"{controller}/{log.rows[row].slot}"
-            white = min(k * WHITE_STEP, MAX_WHITE)
-            color = style.mix_with_white(style.rgb(style.color(style_index)), white)
-            robots.append(RecordedRobot(log, row, layer, name, style_index, color))
-    return robots
+    chosen = []
+    for controller in indices:
+        rows = log.rows_of(controller).tolist()
+        world = log.rows[rows[0]].world_index
+        chosen += [row for row in rows if log.rows[row].world_index == world][:max_per_world]
+    controllers = [log.rows[row].controller for row in chosen]
+    names_and_colors = name_and_color([log.rows[row] for row in chosen])
+    return [
+        RecordedRobot(log, row, list(indices).index(controller), name, indices[controller], color)
+        for row, controller, (name, color) in zip(
+            chosen, controllers, names_and_colors, strict=True
+        )
+    ]
+
+
+def name_and_color(rows: Sequence[Row]) -> list[tuple[str, style.Rgb]]:
+    """Return name and color of the robots of some rows, one world per controller.
+
+    See `RecordedRobot`.
+    """
+    indices = style.style_indices(row.controller for row in rows)
+    n_robots = Counter(row.controller for row in rows)
+    names_and_colors = []
+    for row in rows:
+        is_alone = n_robots[row.controller] == 1
+        color = style.rgb(style.color(indices[row.controller]))
+        color = style.mix_with_white(color, min(row.slot * WHITE_STEP, MAX_WHITE))
+        name = row.controller if is_alone else f"{row.controller}/{row.slot}"
+        names_and_colors.append((name, color))
+    return names_and_colors

@@ -213,9 +213,22 @@ def test_alpha_is_that_of_the_plant() -> None:
     fault = [{"kind": "alpha", "start_s": 0.0, "alpha": 0.8}]
     played = session("kinematic", fault=fault, disturbance={"velocity_m_s": 0.0})
     played.set_velocity(0.6, 0.4, 0.0)
-    np.testing.assert_allclose(play(played, 60)[-1].alpha, 0.8, rtol=1e-9)
+    play(played, 60)
+    np.testing.assert_allclose(played.compute_alpha(), 0.8, rtol=1e-9)
     played.set_velocity(0.0, 0.0, 0.0)
-    assert np.isnan(play(played, 60)[-1].alpha).all()
+    play(played, 60)
+    assert np.isnan(played.compute_alpha()).all()
+
+
+def test_a_robot_that_is_carried_has_no_alpha() -> None:
+    played = session()
+    played.set_velocity(0.6, 0.4, 0.0)
+    play(played, 60)
+    assert np.isfinite(played.compute_alpha()).all()
+    played.carry_away()
+    for _ in range(20):
+        played.advance()
+        assert np.isnan(played.compute_alpha()).all()
 
 
 def test_debris_lies_ahead_and_takes_traction() -> None:
