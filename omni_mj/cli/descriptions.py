@@ -50,7 +50,7 @@ def print_lists(title: str | None, word: str) -> None:
     if not any(matches.values()):
         names = [entry[0] for entries in lists.values() for entry in entries]
         suggestion = suggest_names(
-            word, sorted({part for name in names for part in name.split(".")})
+            word, sorted({segment for name in names for segment in name.split(".")})
         )
         raise OmniError(f"there is no {word!r} in the {title or 'lists'}; {suggestion}")
     for name, entries in matches.items():

@@ -212,11 +212,11 @@ def _run_study(
         result.repeat_command = console.get_command_line()
     with console.report_write_errors(folder):
         result.save_files(folder)
-        table = result.table()
-        if table:
+        text = result.table()
+        if text:
             draw(result, folder / name)
     if not output.quiet:
-        print(table)
+        print(text)
         print(f"{console.describe_outputs(folder, outputs)} after {result.wall_s:.0f} s")
     interrupts.exit_if_stopped(result.stopped, f"the results so far are in {folder}")
     console.exit_if_failed(result.outcomes)

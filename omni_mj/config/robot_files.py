@@ -240,7 +240,7 @@ class _ModelFileCollector:
         """
         name = _to_posix(name)
         names = (name, Path(name).name) if strips_path else (name,)
-        paths = [folder / part for part in names for folder in folders]
+        paths = [folder / candidate for candidate in names for folder in folders]
         existing_paths = [path for path in paths if os.path.lexists(path)]
         if not existing_paths:
             raise OmniError(f"it names {to_printable(name)}, which does not exist")

@@ -230,9 +230,9 @@ def _chosen_ids(
 
 def _displaced(scenario: Scenario, poses: Array) -> Scenario:
     """Return the scenario with start poses that let references start at the robots' poses."""
-    first = reference_factory.build_timed_reference(scenario.settings).poses[0]
-    turn = wrap_angle(poses[:, 2] - first[2])
-    start_poses = poses - body_to_world(first, turn)
+    reference_start = reference_factory.build_timed_reference(scenario.settings).poses[0]
+    turn = wrap_angle(poses[:, 2] - reference_start[2])
+    start_poses = poses - body_to_world(reference_start, turn)
     start_poses[:, 2] = turn
     return scenario.replace(
         settings=scenario.settings.replace(world={"start_poses": start_poses.tolist()})

@@ -124,11 +124,11 @@ def connect_hull(
         _add_pair(field, cylinder.name, CARPET, own_law)
 
 
-def _add_pair(field: mujoco.MjSpec, hull: str, other: str, law: Mapping[str, Any]) -> None:
+def _add_pair(field: mujoco.MjSpec, geom: str, partner: str, law: Mapping[str, Any]) -> None:
     """Let two geoms collide by a law of force, with the friction of the first one."""
-    sliding, spinning, rolling = field.geom(hull).friction
+    sliding, spinning, rolling = field.geom(geom).friction
     friction = [sliding, sliding, spinning, rolling, rolling]
-    field.add_pair(geomname1=hull, geomname2=other, condim=3, friction=friction, **law)
+    field.add_pair(geomname1=geom, geomname2=partner, condim=3, friction=friction, **law)
 
 
 def tilt_cylinder(cylinder: mujoco.MjsGeom, model: mujoco.MjModel) -> None:

@@ -87,8 +87,8 @@ def list_changes(
     records = ({key: record[key] for key in keys if key in record} for record in (saved, current))
     differences = find_differences(*map(flatten_as_json, records))
     return [
-        f"{name} was {before} in the run, is {after} here"
-        for name, (before, after) in differences.items()
+        f"{name} was {saved_value} in the run, is {current_value} here"
+        for name, (saved_value, current_value) in differences.items()
     ]
 
 
@@ -101,9 +101,7 @@ def find_differences(old: Mapping[str, Any], new: Mapping[str, Any]) -> dict[str
     """Return both values of each name for which JSON writes them differently, or `ABSENT`."""
     values = {name: (old.get(name, ABSENT), new.get(name, ABSENT)) for name in {**old, **new}}
     return {
-        name: (before, after)
-        for name, (before, after) in values.items()
-        if json.dumps(before) != json.dumps(after)
+        name: pair for name, pair in values.items() if json.dumps(pair[0]) != json.dumps(pair[1])
     }
 
 

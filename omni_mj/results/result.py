@@ -228,14 +228,14 @@ def list_row_columns(rows: Sequence[Row], failures: Iterable[Failure]) -> dict[s
     """Return columns with controller, seed, slot and failure of rows, name -> n values."""
     import pyarrow as pa
 
-    times = {failure.row: failure.time_s for failure in failures}
-    causes = {failure.row: failure.cause for failure in failures}
+    failure_times = {failure.row: failure.time_s for failure in failures}
+    failure_causes = {failure.row: failure.cause for failure in failures}
     return {
         "controller": [row.controller for row in rows],
         "seed": [row.seed for row in rows],
         "slot": [row.slot for row in rows],
-        "failed_at_s": pa.array(map(times.get, range(len(rows))), pa.float64()),
-        "cause": pa.array(map(causes.get, range(len(rows))), pa.string()),
+        "failed_at_s": pa.array(map(failure_times.get, range(len(rows))), pa.float64()),
+        "cause": pa.array(map(failure_causes.get, range(len(rows))), pa.string()),
     }
 
 

@@ -75,16 +75,16 @@ def _rank(results: Results, statistic: str = "mean") -> list[str]:
 
 def _count_wins(scenarios: list[Results]) -> str:
     """Return in how many scenarios the most successful controller was best, by mean and maximum."""
-    parts = []
+    clauses = []
     for statistic, label in STATISTIC_LABELS.items():
         wins = Counter(name for results in scenarios for name in _rank(results, statistic)[:1])
-        parts += [
+        clauses += [
             f"{name} has the smallest {label} position error in {n_wins} of {len(scenarios)}"
             for name, n_wins in wins.most_common(1)
         ]
-    if not parts:
+    if not clauses:
         return "No controller finished all seeds of a scenario."
-    return "; ".join(parts) + " scenarios (averages over the seeds)."
+    return "; ".join(clauses) + " scenarios (averages over the seeds)."
 
 
 def _describe_only(name: str, result: Mapping[str, Any]) -> str:

@@ -206,12 +206,12 @@ class Log:
         }
         indices = [i for name in self.columns for i in self._indices[name]]
         values = np.empty((len(indices), len(lines)))
-        parts = row_indices * (len(self._blocks) + 1) + frames // BLOCK_FRAMES
-        _, *spans = np.unique(parts, return_index=True, return_counts=True)
-        for first, count in zip(*spans, strict=True):
-            row, frame = row_indices[first], frames[first]
-            part = self._read(indices, slice(row, row + 1), frame, frame + count)
-            values[:, first : first + count] = part[:, 0].T
+        block_numbers = row_indices * (len(self._blocks) + 1) + frames // BLOCK_FRAMES
+        _, *spans = np.unique(block_numbers, return_index=True, return_counts=True)
+        for start, count in zip(*spans, strict=True):
+            row, frame = row_indices[start], frames[start]
+            block = self._read(indices, slice(row, row + 1), frame, frame + count)
+            values[:, start : start + count] = block[:, 0].T
         columns |= dict(zip(chain.from_iterable(self.columns.values()), values, strict=True))
         columns["vision_valid"] = columns["vision_valid"] == 1
         controllers = pa.DictionaryArray.from_arrays(

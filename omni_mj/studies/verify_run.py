@@ -180,8 +180,9 @@ class _SavedRun:
     def find_models(self, name: str) -> list[str]:
         """Return the copies of a scenario's models, after a check of the files that they name."""
         models = self.record["scenarios"][name].get("models", [])
-        for item in [part for model in models for part in model.get("included", [])]:
-            self._find_copy(item)
+        for model in models:
+            for included_file in model.get("included", []):
+                self._find_copy(included_file)
         return [self._find_copy(model) for model in models]
 
     def _find_copy(self, item: Mapping[str, Any]) -> str:
@@ -253,8 +254,8 @@ def _repeat_sweep(saved_run: _SavedRun, start_progress: StartProgress) -> Verify
     path = saved_run.path
     saved_plan = read_json(path / SWEEP_FILE)
     name, *variants = saved_run.record["scenarios"]
-    numbers = read_json(path / "summary.json")
-    scenario = saved_run.load_scenario("scenario.toml", name, numbers["settings"], {})
+    saved_summary = read_json(path / "summary.json")
+    scenario = saved_run.load_scenario("scenario.toml", name, saved_summary["settings"], {})
     axes = dict(saved_plan["axes"])
     if MODEL_AXIS in axes:
         axes[MODEL_AXIS] = [file for variant in variants for file in saved_run.find_models(variant)]
@@ -262,20 +263,20 @@ def _repeat_sweep(saved_run: _SavedRun, start_progress: StartProgress) -> Verify
     shards = stored_shards(plan, path)
     saved = SweepResult(plan, len(shards), None, path)
     show = start_progress("sweep", plan.frames * len(shards))
-    tables: list[pa.Table] = []
+    shard_tables: list[pa.Table] = []
 
     def after_frame(frame: int) -> None:
-        show(len(tables) * plan.frames + frame)
+        show(len(shard_tables) * plan.frames + frame)
 
     for shard in shards:
-        tables.append(run_shard(plan, shard, after_frame))
-    saved_rows, repeated_rows = saved.rows(), merge_rows(plan, tables)
+        shard_tables.append(run_shard(plan, shard, after_frame))
+    saved_rows, repeated_rows = saved.rows(), merge_rows(plan, shard_tables)
     if MODEL_AXIS in saved_rows.column_names:  # paths, which differ from those of the copies
         saved_rows, repeated_rows = (
             rows.drop_columns(MODEL_AXIS) for rows in (saved_rows, repeated_rows)
         )
     lines = [*_table_differences(saved_rows, repeated_rows)]
-    lines += _number_differences(numbers, saved.summary, SWEEP_RESULT_KEYS)
+    lines += _number_differences(saved_summary, saved.summary, SWEEP_RESULT_KEYS)
     return VerifyResult(repeated_rows.num_rows, is_sweep=True, differences=lines)
 
 
@@ -368,8 +369,8 @@ def _number_differences(
     }
     if differences := find_differences(old, new):
         name, values = next(iter(differences.items()))
-        before, after = map(json.dumps, values)
+        saved_value, repeated_value = map(json.dumps, values)
         yield (
-            f"summary.json: {name} is {before} in the run, {after} here; "
+            f"summary.json: {name} is {saved_value} in the run, {repeated_value} here; "
             f"{format_count(len(differences), 'different number')}"
         )

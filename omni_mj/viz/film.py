@@ -72,15 +72,15 @@ def load_tracks(folder: Path, controllers: Sequence[str]) -> tuple[Settings, lis
     for i in range(len(settings.wheels.azimuths_deg)):
         columns.append(f"wheel_angle_{i + 1}_rad")
     keys = ["controller", "seed", "slot"]
-    table = parquet.read_table(folder / "trajectory.parquet", keys + columns)
-    known = table["controller"].unique().to_pylist()
+    trajectory = parquet.read_table(folder / "trajectory.parquet", keys + columns)
+    known = trajectory["controller"].unique().to_pylist()
     if unknown := [name for name in controllers if name not in known]:
         raise OmniError(f"{folder} has no controller {unknown[0]!r}; it has {', '.join(known)}")
     indices = style.style_indices(known)
-    is_first_seed = pc.field("seed") == pc.min(table["seed"])
+    is_first_seed = pc.field("seed") == pc.min(trajectory["seed"])
     tracks = []
     for name in controllers or known:
-        rows = table.filter((pc.field("controller") == name) & is_first_seed)
+        rows = trajectory.filter((pc.field("controller") == name) & is_first_seed)
         values = np.nan_to_num(np.column_stack([rows[column].to_numpy() for column in columns]))
         robots = np.split(values, 1 + np.flatnonzero(np.diff(rows["slot"].to_numpy())))
         n_frames = max(map(len, robots))

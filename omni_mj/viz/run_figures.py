@@ -248,13 +248,13 @@ def _draw_path_lines(
         center: Frame of a close-up, whose axes are in cm. Default: an overview in m.
     """
     limit, scale = figure_helpers.MAX_POINTS, 1.0 if center is None else 100.0
-    shown = slice(None, None, -(-len(reference) // limit))
+    frames = slice(None, None, -(-len(reference) // limit))
     if center is not None:
-        shown = slice(max(center - limit // 2, 0), center + limit // 2)
-    path = scale * (reference[shown] - origin)
+        frames = slice(max(center - limit // 2, 0), center + limit // 2)
+    path = scale * (reference[frames] - origin)
     axes.plot(*path.T, color=style.BACKGROUND, lw=4, zorder=1, label="reference")
     for robot in robots:
-        path = scale * (robot["pose"][shown, :2] - origin)
+        path = scale * (robot["pose"][frames, :2] - origin)
         line_style = style.line_style(robot.style_index) | {"marker": ""}
         axes.plot(*path.T, zorder=3, label=robot.name, **line_style)
     axes.set_aspect("equal", adjustable="box")

@@ -183,11 +183,11 @@ def as_robot_indices(robots: ArrayLike, n: int) -> NDArray[np.intp]:
 
 def _limit_lead(reference: Array, pose: Array) -> Array:
     """Return the poses (n, 3) nearest to those of the reference, not too far from the robots'."""
-    lead = compute_pose_error(reference, pose)
-    distance = np.hypot(lead[:, 0], lead[:, 1])
-    excess = np.zeros_like(lead)
-    excess[:, :2] = lead[:, :2] * (1 - MAX_LEAD_M / np.maximum(distance, MAX_LEAD_M))[:, None]
-    excess[:, 2] = lead[:, 2] - np.clip(lead[:, 2], -MAX_LEAD_RAD, MAX_LEAD_RAD)
+    error = compute_pose_error(reference, pose)
+    distance = np.hypot(error[:, 0], error[:, 1])
+    excess = np.zeros_like(error)
+    excess[:, :2] = error[:, :2] * (1 - MAX_LEAD_M / np.maximum(distance, MAX_LEAD_M))[:, None]
+    excess[:, 2] = error[:, 2] - np.clip(error[:, 2], -MAX_LEAD_RAD, MAX_LEAD_RAD)
     return reference - excess
 
 

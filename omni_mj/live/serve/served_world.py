@@ -180,8 +180,8 @@ class ServedWorld:
             name = team, command.id
             try:
                 if name not in present:
-                    place = "is parked beyond the walls" if name in self._parked else "is absent"
-                    raise Refusal("UNKNOWN_ROBOT", f"{robot_label(name)} {place}")
+                    location = "is parked beyond the walls" if name in self._parked else "is absent"
+                    raise Refusal("UNKNOWN_ROBOT", f"{robot_label(name)} {location}")
                 touches_ball = self._touches_ball(name, present[name])
                 feedback.append(RobotFeedback(id=command.id, dribbler_ball_contact=touches_ball))
                 packet = encode_packet(command, packets.shape[1] - WHEELS)

@@ -258,17 +258,17 @@ def _describe_wheels(columns: Array) -> str:
         columns: Number of the log's wheel that turns as each wheel should, negative if it turns the
             other way, 0 if none does, (W,).
     """
-    numbers = np.arange(1, len(columns) + 1)
-    if (abs(columns) == numbers).all():
-        wrong = numbers[columns < 0]
+    wheel_numbers = np.arange(1, len(columns) + 1)
+    if (abs(columns) == wheel_numbers).all():
+        reversed_wheels = wheel_numbers[columns < 0]
         verb = (
-            f"wheel {wrong[0]} turns"
-            if len(wrong) == 1
-            else f"wheels {', '.join(map(str, wrong))} turn"
+            f"wheel {reversed_wheels[0]} turns"
+            if len(reversed_wheels) == 1
+            else f"wheels {', '.join(map(str, reversed_wheels))} turn"
         )
         return f"{verb} the other way; a positive speed must turn the robot counter-clockwise"
     logged = ", ".join(f"{column:g}" for column in columns)
     return (
-        f"wheels {', '.join(map(str, numbers))} of the robot's file turn as {logged} of the log "
-        "(-: opposite sign; 0: none); order, signs or axes differ from the file's"
+        f"wheels {', '.join(map(str, wheel_numbers))} of the robot's file turn as {logged} of "
+        "the log (-: opposite sign; 0: none); order, signs or axes differ from the file's"
     )

@@ -146,12 +146,12 @@ class LoopResult(Result):
         steps = self._format_metrics(step_title, "step_metrics", STEP_COLUMNS)
         margin_title = f"stability margins: {self.title}"
         margins = self._format_metrics(margin_title, "margins", MARGIN_COLUMNS)
-        notes = [
+        remarks = [
             f"note: {label} did not respond to the step; it must read self.reference in command()"
             for label, loop in next(iter(self.loops.values())).items()
             if np.isnan(loop.step_response).all() and np.isfinite(loop.gains).all()
         ]
-        return "\n\n".join([steps, margins, *(["\n".join(notes)] if notes else [])])
+        return "\n\n".join([steps, margins, *(["\n".join(remarks)] if remarks else [])])
 
     def _format_metrics(
         self, title: str, field_name: str, columns: Sequence[tuple[str, float, int]]

@@ -107,13 +107,13 @@ class SlipResult(Result):
         for quantity, (_, unit, _, _) in QUANTITIES.items():
             measured = robot.measured[quantity]
             published = PUBLISHED.get(name, {}).get(quantity, np.nan)
-            numbers = {
+            values = {
                 "measured": measured,
                 "closed_form": robot.closed_form.get(quantity, np.nan),
                 "published": published,
                 "deviation_percent": 100 * (measured / published - 1),
             }
-            quantities[quantity] = {"unit": unit} | finite_or_none(numbers)
+            quantities[quantity] = {"unit": unit} | finite_or_none(values)
         return quantities
 
     def _format_robot(self, name: str) -> str:

@@ -155,8 +155,8 @@ def _choose_range(low: float, high: float, height_px: float) -> Range | None:
     if not low < high:
         return None
     step = 10.0 ** np.ceil(np.log10((high - low) * LABEL_PX / height_px))
-    first, last = np.floor(low / step) - LABEL_MARGIN, np.ceil(high / step) + LABEL_MARGIN
+    low_tick, high_tick = np.floor(low / step) - LABEL_MARGIN, np.ceil(high / step) + LABEL_MARGIN
     has_labels = np.ceil(low / step) < np.floor(high / step)
-    if has_labels or (last - first) * step > MAX_STRETCH * (high - low):
+    if has_labels or (high_tick - low_tick) * step > MAX_STRETCH * (high - low):
         return None
-    return first * step, last * step
+    return low_tick * step, high_tick * step
