@@ -29,16 +29,9 @@ class VisionSettings(SettingsModel):
     )
     miss_probability: float = setting(
         0.02,
-        "probability per frame that the cameras begin to miss the robot, for miss_frames",
+        "probability that the cameras miss the robot in an image",
         low=0,
         high=0.9,
-    )
-    miss_frames: int = setting(
-        1,
-        "number of consecutive frames in which the cameras then miss the robot",
-        "frames",
-        low=1,
-        high=600,
     )
     dropout_fraction: float = setting(
         0.0,

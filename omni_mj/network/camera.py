@@ -59,8 +59,7 @@ class Camera:
         # Drawn for each image, also without faults, so that a fault does not affect another.
         self._fault_noise = Noise(seeds, Stream.CAMERA_FAULTS, 2)
         n = len(seeds)
-        # Remaining images without a detection; negative before the first image.
-        self._missed_images = np.full(n, -1.0)
+        self._has_images = False
         self._is_dropout = np.zeros(n, bool)
         self._last_measured = np.full((n, 3), np.nan)
         self.change_settings(settings, faults)
@@ -70,7 +69,6 @@ class Camera:
         sigmas = "position_noise_m", "position_noise_m", "heading_noise_rad"
         self._sigma = np.stack([gather(settings, name) for name in sigmas], axis=1)
         self._miss_probability = gather(settings, "miss_probability")
-        self._miss_frames = gather(settings, "miss_frames")
         self._dropout_fraction = gather(settings, "dropout_fraction")
         self._mean_dropout_images = gather(settings, "mean_dropout_frames")
         self._errors = CameraErrors(settings, self._seeds)
@@ -85,20 +83,17 @@ class Camera:
             frame: Frame of the loop in which this image is taken.
         """
         # A robot is always detected in its first image, so that the team knows its pose.
-        may_miss = self._missed_images >= 0
-        begins_miss = may_miss & (self._miss_noise.next()[:, 0] < self._miss_probability)
-        self._missed_images = np.where(
-            begins_miss, self._miss_frames, np.maximum(self._missed_images - 1, 0)
-        )
-        self._is_dropout = may_miss & continue_bursts(
+        is_missed = self._has_images & (self._miss_noise.next()[:, 0] < self._miss_probability)
+        self._is_dropout = self._has_images & continue_bursts(
             self._is_dropout,
             self._mean_dropout_images,
             self._dropout_fraction,
             self._dropout_noise.next()[:, 0],
         )
+        self._has_images = True
         measured = self._get_visible_poses(pose, frame) + self._sigma * self._pose_noise.next()
         measured[:, 2] = wrap_angle(measured[:, 2])
-        measured[(self._missed_images > 0) | self._is_dropout] = np.nan
+        measured[is_missed | self._is_dropout] = np.nan
         measured[self._is_frozen] = self._last_measured[self._is_frozen]
         is_detected = ~np.isnan(measured[:, 0])
         self._last_measured[is_detected] = measured[is_detected]
@@ -121,7 +116,7 @@ class Camera:
 
     def _apply_faults(self) -> None:
         """Set lost and frozen images, biases and wrong detections to those of the active faults."""
-        self._is_lost, self._is_frozen = np.zeros((2, len(self._missed_images)), bool)
+        self._is_lost, self._is_frozen = np.zeros((2, len(self._seeds)), bool)
         self._is_lost[[row for row, _ in self._schedule.list_active(VisionLoss)]] = True
         self._is_frozen[[row for row, _ in self._schedule.list_active(VisionFreeze)]] = True
         self._wrong_ids = list(self._schedule.list_active(VisionWrongId))

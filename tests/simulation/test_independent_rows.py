@@ -25,7 +25,7 @@ def test_rows_of_a_batch_equal_single_runs(plant: str) -> None:
         {},
         {"radio": {"delay_frames": 3}},
         {"radio": {"delay_frames": 9, "jitter_frames": 4}, "control": {"delay_error_frames": -2}},
-        {"vision": {"position_noise_m": 0.004, "miss_probability": 0.2, "miss_frames": 5}},
+        {"vision": {"position_noise_m": 0.004, "miss_probability": 0.2, "dropout_fraction": 0.5}},
         {
             "carpet": {"friction": 0.3},
             "disturbance": {"force_n": 8.0, "velocity_m_s": 0.2},

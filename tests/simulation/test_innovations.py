@@ -7,7 +7,7 @@ import pytest
 from benches.short_simulations import Simulation, scenario
 from numpy.typing import NDArray
 
-GAPS = ("vision.miss_probability=0.02", "vision.miss_frames=10")
+GAPS = ("vision.dropout_fraction=0.2", "vision.mean_dropout_frames=10")
 CORNER = (
     "reference.waypoints=[[-1, -0.75, 0], [0, -0.75, 0], [0, 0, 1.5]]",
     "reference.settle_s=0.5",
