@@ -51,7 +51,7 @@ def run_program(command: click.Command) -> NoReturn:
             out.detach(), encoding, None, None, is_interactive, is_unbuffered
         )
     # Read when MuJoCo is imported. Only film draws; otherwise window libraries would be loaded.
-    os.environ.setdefault("MUJOCO_GL", OFFSCREEN_GL if "film" in arguments else "disable")
+    os.environ.setdefault("MUJOCO_GL", OFFSCREEN_GL if arguments[:1] == ["film"] else "disable")
     if signal.getsignal(signal.SIGINT) != signal.SIG_IGN:
         signal.signal(signal.SIGINT, _interrupt)
     invoke_command(command, arguments)

@@ -208,10 +208,10 @@ class Log:
         values = np.empty((len(indices), len(lines)))
         block_numbers = row_indices * (len(self._blocks) + 1) + frames // BLOCK_FRAMES
         _, *spans = np.unique(block_numbers, return_index=True, return_counts=True)
-        for start, count in zip(*spans, strict=True):
-            row, frame = row_indices[start], frames[start]
+        for offset, count in zip(*spans, strict=True):
+            row, frame = row_indices[offset], frames[offset]
             block = self._read(indices, slice(row, row + 1), frame, frame + count)
-            values[:, start : start + count] = block[:, 0].T
+            values[:, offset : offset + count] = block[:, 0].T
         columns |= dict(zip(chain.from_iterable(self.columns.values()), values, strict=True))
         columns["vision_valid"] = columns["vision_valid"] == 1
         controllers = pa.DictionaryArray.from_arrays(
