@@ -7,10 +7,10 @@ import signal
 import socket
 import subprocess
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 from urllib.request import Request, urlopen
 
 import numpy as np
@@ -30,6 +30,7 @@ CHROMIUM = next(
 )
 TIMEOUT_S = 90  # WebGL without a graphics card is slow next to other tests
 FLAGS = "--no-sandbox --use-gl=angle --use-angle=swiftshader --enable-unsafe-swiftshader"
+FLAGS += " --disable-gpu-compositing"
 
 
 CONTROLLER = """
@@ -55,6 +56,10 @@ def play(*args: str, port: str = "--port=0") -> Iterator[tuple[str, subprocess.P
             process.kill()
 
 
+# Draw two pictures per second, because one takes 0.2 s without a graphics card.
+SLOW_PICTURES = "requestAnimationFrame = draw => setTimeout(() => draw(performance.now()), 500)"
+
+
 @contextmanager
 def browse(url: str) -> Iterator[Any]:
     sync_api = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
@@ -63,10 +68,36 @@ def browse(url: str) -> Iterator[Any]:
     with sync_api.sync_playwright() as playwright:
         browser = playwright.chromium.launch(executable_path=CHROMIUM, args=FLAGS.split())
         page = browser.new_page(viewport={"width": 900, "height": 500})
+        page.add_init_script(SLOW_PICTURES)
         page.set_default_timeout(TIMEOUT_S * 1e3)
         page.goto(url)
         yield page
         browser.close()
+
+
+class Browser(NamedTuple):
+    """A page that plays a controller of the file `mine.py`.
+
+    Attributes:
+        page: The page.
+        url: Its address, to which links are appended.
+        mine: The file.
+    """
+
+    page: Any
+    url: str
+    mine: Path
+
+
+@pytest.fixture(scope="module")
+def browser(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Browser]:
+    mine = tmp_path_factory.mktemp("browser") / "mine.py"
+    mine.write_text(CONTROLLER.format(line="pass"))
+    with play("--plant", "kinematic", "--controller", f"{mine}:Mine") as (url, process):
+        with browse(url) as page:
+            yield Browser(page, url, mine)
+        # The last page is closed.
+        assert process.wait(TIMEOUT_S) == 0
 
 
 def errors_cm(page: Any) -> list[float]:
@@ -75,35 +106,12 @@ def errors_cm(page: Any) -> list[float]:
     return [float(text) for text in row.locator("td").all_inner_texts()[1:]]
 
 
-def wait_until(page: Any, is_reached: Any) -> None:
+def wait_until(page: Any, is_reached: Callable[[], bool]) -> None:
     for _ in range(10 * TIMEOUT_S):
-        if is_reached(*errors_cm(page)):
+        if is_reached():
             return
         page.wait_for_timeout(100)
     raise AssertionError(page.locator("table").inner_text())
-
-
-def test_a_slider_makes_a_robot_oscillate_and_a_click_lets_it_arrive() -> None:
-    """It follows with little error, with more after more dead time, and drives to a click."""
-    options = "--scenario rect --plant kinematic --controller p"
-    with play(*options.split()) as (url, process):
-        with browse(url) as page:
-            page.get_by_text("Dead time, s").wait_for()
-            page.wait_for_timeout(1500)
-            wait_until(page, lambda now, rms: rms > 0)
-            before = errors_cm(page)[1]
-            dead_time = page.get_by_role("textbox").first
-            dead_time.fill("0.3")
-            dead_time.press("Enter")
-            wait_until(page, lambda now, rms: rms > 2 * before)
-            page.reload()
-            page.get_by_text("Dead time, s").wait_for()
-            assert page.get_by_role("textbox").first.input_value() == "0.3"
-            page.get_by_role("textbox").first.fill("0.05")
-            page.mouse.click(460, 300)
-            wait_until(page, lambda now, rms: now > 20)
-            wait_until(page, lambda now, rms: now < 2)
-        assert process.wait(TIMEOUT_S) == 0
 
 
 HANG = """
@@ -113,6 +121,12 @@ while True:
     try: time.sleep(9)
     except {exception}: pass
 """
+
+
+def play_p(browser: Browser) -> None:
+    """Play the controller p, by a link that the browser need not load."""
+    urlopen(f"{browser.url}?plant=kinematic&controllers=p").close()
+    browser.page.locator("tr", has_text=re.compile(r" p\d")).last.wait_for()
 
 
 def choose(page: Any, label: str, option: str) -> None:
@@ -128,47 +142,63 @@ def count_pixels(page: Any, controller: str) -> int:
     return int((np.abs(pixels - color).max(axis=2) < 40).sum())
 
 
-def test_controls_change_only_what_they_say() -> None:
-    """Arrows on a slider do not drive, and another scenario keeps the plant and is in view."""
-    with play("--plant", "kinematic", "--controller", "p") as (url, _), browse(url) as page:
-        page.set_viewport_size({"width": 900, "height": 1500})
-        page.locator("tr", has_text="p").last.wait_for()
-        page.get_by_role("slider").first.focus()
-        page.keyboard.press("ArrowRight")
-        page.wait_for_timeout(500)
-        assert len(errors_cm(page)) == 2
-        page.keyboard.press("i")
-        page.locator("td", has_text=re.compile("^$")).nth(1).wait_for(state="attached")
-        choose(page, "Controller 1", "none")
-        page.get_by_text("choose at least one controller").wait_for()
-        assert page.get_by_label("Controller 1", exact=True).first.input_value() == "p"
-        loss = page.get_by_role("textbox").nth(1)
-        loss.fill("97")
-        page.get_by_text("Radio loss, % must be 0 to 95, got 97").wait_for()
-        choose(page, "Scenario", "league")
-        page.get_by_text("The sliders are those of the scenario league again").wait_for()
-        assert page.get_by_label("Plant", exact=True).first.input_value() == "kinematic"
-        for _ in range(50):
-            page.wait_for_timeout(100)
-            if count_pixels(page, "p") > 20:
-                return
-        raise AssertionError("no robot is in view")
-
-
-def test_a_saved_file_that_hangs_is_named_until_it_is_saved_again(tmp_path: Path) -> None:
+def test_a_saved_file_that_hangs_is_named_until_it_is_saved_again(browser: Browser) -> None:
     """Also in the import, and if it catches exceptions. A link may name too many controllers."""
-    mine, message = tmp_path / "mine.py", "longer than 3 s"
+    page, url, mine = browser
+    message = "longer than 3 s"
+    choose(page, "Controller 1", f"{mine}:Mine")
+    page.get_by_text("Mine").first.wait_for()
+    page.wait_for_timeout(600)
+    mine.write_text(HANG.format(exception="Exception") + CONTROLLER.format(line="pass"))
+    page.get_by_text(message).first.wait_for()
     mine.write_text(CONTROLLER.format(line="pass"))
-    options = ["--plant", "kinematic", "--controller", f"{mine}:Mine"]
-    with play(*options) as (url, _), browse(url) as page:
-        page.get_by_text("Mine").first.wait_for()
-        page.wait_for_timeout(600)
-        mine.write_text(HANG.format(exception="Exception") + CONTROLLER.format(line="pass"))
-        page.get_by_text(message).first.wait_for()
-        mine.write_text(CONTROLLER.format(line="pass"))
-        page.get_by_text(message).first.wait_for(state="detached")
-        page.goto(f"{url}?plant=kinematic&controllers=p,flc,comp-flc,inverse-flc")
-        page.get_by_text("Left out: inverse-flc").wait_for()
+    page.get_by_text(message).first.wait_for(state="detached")
+    page.goto(f"{url}?plant=kinematic&controllers=p,flc,comp-flc,inverse-flc")
+    page.get_by_text("Left out: inverse-flc").wait_for()
+
+
+def test_controls_change_only_what_they_say(browser: Browser) -> None:
+    """Arrows on a slider do not drive, and another scenario keeps the plant and is in view."""
+    page = browser.page
+    play_p(browser)
+    page.set_viewport_size({"width": 900, "height": 1500})
+    page.locator("tr", has_text="p").last.wait_for()
+    page.get_by_role("slider").first.focus()
+    page.keyboard.press("ArrowRight")
+    page.wait_for_timeout(500)
+    assert len(errors_cm(page)) == 2
+    page.keyboard.press("i")
+    page.locator("td", has_text=re.compile("^$")).nth(1).wait_for(state="attached")
+    choose(page, "Controller 1", "none")
+    page.get_by_text("choose at least one controller").wait_for()
+    assert page.get_by_label("Controller 1", exact=True).first.input_value() == "p"
+    loss = page.get_by_role("textbox").nth(1)
+    loss.fill("97")
+    page.get_by_text("Radio loss, % must be 0 to 95, got 97").wait_for()
+    choose(page, "Scenario", "league")
+    page.get_by_text("The sliders are those of the scenario league again").wait_for()
+    assert page.get_by_label("Plant", exact=True).first.input_value() == "kinematic"
+    wait_until(page, lambda: count_pixels(page, "p") > 20)
+
+
+def test_a_slider_makes_a_robot_oscillate_and_a_click_lets_it_arrive(browser: Browser) -> None:
+    """It follows with little error, with more after more dead time, and drives to a click."""
+    page = browser.page
+    page.set_viewport_size({"width": 900, "height": 500})
+    play_p(browser)
+    page.wait_for_timeout(1500)
+    before = errors_cm(page)[1]
+    dead_time = page.get_by_role("textbox").first
+    dead_time.fill("0.3")
+    dead_time.press("Enter")
+    wait_until(page, lambda: errors_cm(page)[1] > 2 * before)
+    page.reload()
+    page.get_by_text("Dead time, s").wait_for()
+    assert page.get_by_role("textbox").first.input_value() == "0.3"
+    page.get_by_role("textbox").first.fill("0.05")
+    page.mouse.click(460, 300)
+    wait_until(page, lambda: errors_cm(page)[0] > 20)
+    wait_until(page, lambda: errors_cm(page)[0] < 2)
 
 
 def test_a_signal_ends_a_file_that_hangs_whatever_it_catches(tmp_path: Path) -> None:
