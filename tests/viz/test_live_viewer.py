@@ -15,6 +15,7 @@ from benches.recording import (
     run_and_record,
     run_rrd_command,
 )
+from commands import appears
 
 from omni_control.errors import OmniError
 from omni_mj.cli.run_command import run_command
@@ -45,18 +46,23 @@ def unused_url() -> str:
         return f"rerun+http://127.0.0.1:{free.getsockname()[1]}/proxy"
 
 
+def wait_until_complete(path: Path) -> None:
+    """Wait until a file has not grown for 2 s."""
+    assert appears(path)
+    size, grown = 0, time.monotonic()
+    while time.monotonic() < grown + 2:
+        if path.stat().st_size > size:
+            size, grown = path.stat().st_size, time.monotonic()
+        time.sleep(0.1)
+
+
 def test_a_viewer_receives_the_same_data_as_the_file(
     listener: Listener, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     run(listener.url, tmp_path / "recording.rrd", SHORT)
     assert capsys.readouterr().err == ""
     written, path = RecordingFile(tmp_path / "recording.rrd"), tmp_path / "received.rrd"
-    deadline = time.monotonic() + 20
-    while time.monotonic() < deadline and (
-        not path.exists() or path.stat().st_size < written.path.stat().st_size
-    ):
-        time.sleep(0.1)
-    time.sleep(0.5)
+    wait_until_complete(path)
     listener.end(signal.SIGKILL)
     with pytest.warns(match="no footer"):
         received = RecordingFile(path)
