@@ -70,7 +70,8 @@ def test_identifies_a_simulated_robot_from_its_recording(tmp_path: Path) -> None
         "waypoints": [[0, 0], [1.2, 0], [0.4, 0.7], [0.4, -0.5], [0, 0]],
         "max_acceleration_m_s2": 2.0,
     }
-    rect = om.load_scenario("rect", plant="planar", reference=route | {"settle_s": 0.5})
+    wheels = {"model": "two-rollers"}
+    rect = om.load_scenario("rect", reference=route | {"settle_s": 0.5}, wheels=wheels)
     om.run(rect, ["comp-flc"], seeds=[0]).save(tmp_path / "run")
     assert (
         invoke(

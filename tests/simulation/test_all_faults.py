@@ -7,7 +7,7 @@ import omni_mj as om
 HALF_FIELD_M = (4.5, 3.0)  # division B
 # A second of calm at the end, of three.
 ALL_FAULTS = om.load_scenario(
-    "fault-all", plant="planar", physics={"backend": "numpy"}, reference={"settle_s": 1.0}
+    "fault-all", plant="mujoco", wheels={"model": "two-rollers"}, reference={"settle_s": 1.0}
 )
 
 

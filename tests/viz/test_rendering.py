@@ -33,7 +33,7 @@ def recording(tmp_path_factory: pytest.TempPathFactory) -> Path:
         "--set",
         "reference.settle_s=0.1",
         "--plant",
-        "planar",
+        "kinematic",
         "--no-figures",
     )
     controllers = ("--controller", "flc", "--controller", "comp-flc")
@@ -52,7 +52,7 @@ def count_pixels(image: NDArray, color: tuple[int, int, int]) -> int:
 def test_a_picture_shows_field_robots_and_plots(recording: Path, tmp_path: Path) -> None:
     """Robots have moved on the field; the picture shows the named tab."""
     out = tmp_path / "picture.png"
-    assert invoke("screenshot", recording, out, "--time", 3.0, "--tab", "saturation") == 0
+    assert invoke("screenshot", recording, out, "--time", 3.0, "--tab", "velocity") == 0
     image = 255 * imread(out)[..., :3]
     assert image.shape == (900, 1600, 3)
     assert count_pixels(image[FIELD], CARPET) > 100_000

@@ -38,9 +38,7 @@ def measure_poses(
     """
     n = poses.shape[1]
     settings = [VisionSettings(**{**vision, **settings_i}) for settings_i in visions or [{}] * n]
-    row_faults = [
-        resolve_settings({"fault": settings_i}).fault for settings_i in faults or [[]] * n
-    ]
+    row_faults = _resolve_faults(faults or [[]] * n)
     cameras = Cameras(settings, [(seed,) for seed in seeds or [0] * n], row_faults)
     poses_by_frame, ages = [], []
     for pose in poses:
@@ -48,6 +46,13 @@ def measure_poses(
         poses_by_frame.append(measured)
         ages.append(age)
     return np.array(poses_by_frame), np.array(ages)
+
+
+def _resolve_faults(faults: Sequence[Sequence[Fault]]) -> list[Any]:
+    """Return the settings of the faults of each robot. Those of equal faults are shared."""
+    settings = {str(faults_i): faults_i for faults_i in faults}
+    resolved = {key: resolve_settings({"fault": value}).fault for key, value in settings.items()}
+    return [resolved[str(faults_i)] for faults_i in faults]
 
 
 def make_radio(
@@ -58,9 +63,7 @@ def make_radio(
 ) -> Radio:
     """Return a radio to robots with these settings."""
     n = len(settings)
-    row_faults = [
-        resolve_settings({"fault": settings_i}).fault for settings_i in faults or [[]] * n
-    ]
+    row_faults = _resolve_faults(faults or [[]] * n)
     radio_settings = [RadioSettings(**settings_i) for settings_i in settings]
     return Radio(radio_settings, [(seed,) for seed in seeds or [0] * n], row_faults, **options)
 
