@@ -1,10 +1,8 @@
 """Runs without a controller: robots are sent twists, and nothing is tracked."""
 
 import time
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from typing import Any
-
-import numpy as np
 
 from omni_control.kinematics import Array
 from omni_mj.config import PERIOD_S
@@ -46,49 +44,30 @@ def open_loop_settings(settings: Settings, frames: int, **sections: Any) -> Sett
     )
 
 
-def send_twists(
-    simulation: Simulation, twists: Iterable[Array], after_frame: AfterFrame
-) -> str | None:
+def run_open_loop(
+    scenario: Scenario, simulation: Simulation, twists: Iterable[Array], after_frame: AfterFrame
+) -> Outcome:
     """Send twists to the robots in place of their controllers.
 
     Args:
+        scenario: The scenario to report.
         simulation: At its start.
         twists: Twists (n, 3) of each frame.
         after_frame: Called with each frame's number; it may raise `StoppedError`.
 
     Returns:
-        The reason if the run was stopped, else None.
+        The outcome, without tracking errors: there was nothing to track.
     """
+    start_time, stopped = time.perf_counter(), None
     try:
         for frame, twist in enumerate(twists):
             simulation.step(twist)
             after_frame(frame)
     except StoppedError as error:
-        return str(error)
-    return None
-
-
-def open_loop_outcome(
-    scenario: Scenario,
-    simulation: Simulation,
-    start_time: float,
-    stopped: str | None,
-    row_metrics: Mapping[str, np.ndarray],
-) -> Outcome:
-    """Return the outcome of robots that were commanded without a controller.
-
-    Its entry has no tracking errors, because there was nothing to track.
-
-    Args:
-        scenario: The requested scenario.
-        simulation: The simulation that was run.
-        start_time: Start of the study by `time.perf_counter`, s.
-        stopped: Reason why it ended early, or None.
-        row_metrics: Columns of numbers, one value per row.
-    """
-    log, failures = simulation.log, list(simulation.failures)
+        stopped = str(error)
+    log, failures = simulation.log, simulation.failures
     wall_s = time.perf_counter() - start_time
     entry = summary.scenario_entry(
         scenario, log, failures, {}, wall_s, stopped, simulation.drawn_parameters
     )
-    return Outcome(scenario, entry, simulation.rows, failures, row_metrics)
+    return Outcome(scenario, entry, simulation.rows, failures)

@@ -177,7 +177,8 @@ def test_delay_margin_is_the_dead_time_that_destabilizes(small: LoopResult) -> N
         )
         experiment = LoopExperiment(delayed.replace(controllers=("p",)))
         experiment.disturbance[:] = 0
-        assert experiment.run(stop_at(WARM_UP_FRAMES + 600)) == "interrupted"
+        outcome = experiment.run(stop_at(WARM_UP_FRAMES + 600))
+        assert outcome.entry["reason"] == "interrupted"
         error = np.abs(experiment.paired_responses()[0][WARM_UP_FRAMES:, 0, 0, 0] - STEP_M)
         assert (error[400:].max() < error[200:400].max()) == decays
 

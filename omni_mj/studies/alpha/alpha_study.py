@@ -13,9 +13,8 @@ Profiles are commanded frame by frame, without controller and dead time. The cam
 its heading keeps the robots straight.
 """
 
-import time
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -46,7 +45,7 @@ from omni_mj.studies.alpha.operating_conditions import (
     apply_condition,
     shapley_values,
 )
-from omni_mj.studies.open_loop import open_loop_outcome, open_loop_settings, send_twists
+from omni_mj.studies.open_loop import open_loop_settings, run_open_loop
 from omni_mj.studies.run_scenario import StartProgress, no_progress, resolve_scenario
 
 DEFINITIONS = {
@@ -70,8 +69,8 @@ UNDISTURBED = {
     "disturbance": {"force_n": 0},
 }
 Trials = Sequence[tuple[Settings, RampProfile]]
-# Quantity of `RampResponse` -> factor to the table's unit, decimal places
-_FORMATS = {"steady_gain": (1.0, 3), "acceleration_gain": (1.0, 3), "lag_s": (1000.0, 0)}
+# Factor to the table's unit and decimal places of each quantity of `RampResponse`
+_FORMATS = ((1.0, 3), (1.0, 3), (1000.0, 0))
 _HEADINGS = ["forward/sideways", "", "steady gain", "gain speeding up", "lag, ms"]
 
 
@@ -108,33 +107,35 @@ class AlphaStudy:
 
     def report(self) -> dict[str, Any]:
         """Return the study as plain values for JSON."""
-        return {
-            "definitions": DEFINITIONS,
-            "directions": list(DIRECTIONS),
+        numbers = {
             "profile": PROFILE._asdict(),
-            "baseline": finite_or_none(self.baseline._asdict()),
+            "baseline": self.baseline._asdict(),
             "by_condition": {
-                name: finite_or_none({"values": self.condition_values[name], **response._asdict()})
+                name: {"values": self.condition_values[name], **response._asdict()}
                 for name, response in self.by_condition.items()
             },
-            "worn": {"conditions": WORN, **finite_or_none(self.worn._asdict())},
-            "wheel_loop": finite_or_none(self.wheel_loop._asdict()),
+            "worn": {"conditions": WORN, **self.worn._asdict()},
+            "wheel_loop": self.wheel_loop._asdict(),
             "causes": {
                 name: {
-                    cause: {"share": finite_or_none(values)}
-                    for cause, values in self.contributions(name).items()
+                    cause: {"share": values} for cause, values in self.contributions(name).items()
                 }
                 for name in RampResponse._fields
             },
         }
+        head = {"definitions": DEFINITIONS, "directions": list(DIRECTIONS)}
+        return head | finite_or_none(numbers)
 
     def text(self) -> str:
         """Return the study as tables of plain text."""
-        condition_title = f"one condition varied, {PROFILE_TEXT}"
-        cause_title = f"causes of lost gain and of lag: {PROFILE_TEXT}, {WORN_TEXT}"
-        conditions_table = Table(condition_title, _HEADINGS, list(self._condition_rows()), 2)
-        causes_table = Table(cause_title, _HEADINGS, list(self._cause_rows()), 2)
-        return f"{format_table(conditions_table)}\n\n{format_table(causes_table)}"
+        rows_by_title = {
+            f"one condition varied, {PROFILE_TEXT}": self._condition_rows(),
+            f"causes of lost gain and of lag: {PROFILE_TEXT}, {WORN_TEXT}": self._cause_rows(),
+        }
+        return "\n\n".join(
+            format_table(Table(title, _HEADINGS, list(rows), 2))
+            for title, rows in rows_by_title.items()
+        )
 
     def _condition_rows(self) -> Iterator[list[str]]:
         yield ["the scenario's settings", "", *_format_response(self.baseline)]
@@ -192,7 +193,6 @@ def measure_alpha(
     Raises:
         OmniError: The scenario or a condition does not exist, or the plant has no wheels.
     """
-    start_time = time.perf_counter()
     robot = resolve_scenario(scenario).replace(
         name="alpha", description="gain and lag, and their causes", paper_table=0, seeds=1
     )
@@ -205,18 +205,17 @@ def measure_alpha(
     ]
     trials += [(settings, PROFILE) for settings in ablate_causes(robot.settings)]
     simulation, twists = _prepare_trials(robot, trials)
-    stopped = send_twists(simulation, twists, start_progress("alpha", len(twists)))
-    columns = _profile_columns(trials)
-    study = None
+    outcome = run_open_loop(robot, simulation, twists, start_progress("alpha", len(twists)))
+    columns, study, stopped = _profile_columns(trials), None, outcome.entry["reason"]
     if not stopped:
         response = _measure_responses(trials, simulation.log.channel("pose")[..., :2])
         study = _build_study(condition_values, response)
         columns |= {name: values.ravel() for name, values in response._asdict().items()}
     return AlphaResult(
-        [open_loop_outcome(robot, simulation, start_time, stopped, columns)],
+        [replace(outcome, metrics=columns)],
         [Controller.__name__],  # a placeholder: the study itself commands the robots
         seeds=[robot.seed],
-        wall_s=time.perf_counter() - start_time,
+        wall_s=outcome.entry["wall_s"],
         stopped=stopped,
         complete=not stopped,
         study=study,
@@ -254,10 +253,8 @@ def _prepare_trials(scenario: Scenario, trials: Trials) -> tuple[Simulation, Arr
 def _profile_columns(trials: Trials) -> dict[str, np.ndarray]:
     """Return the columns of each row's direction and profile."""
     profiles = np.repeat([profile for _, profile in trials], len(DIRECTIONS), axis=0)
-    return {
-        "direction": np.array([*DIRECTIONS] * len(trials)),
-        **dict(zip(RampProfile._fields, profiles.T, strict=True)),
-    }
+    columns = dict(zip(RampProfile._fields, profiles.T, strict=True))
+    return {"direction": np.array([*DIRECTIONS] * len(trials))} | columns
 
 
 def _measure_responses(trials: Trials, positions: Array) -> RampResponse:
@@ -291,6 +288,6 @@ def _build_study(condition_values: ConditionValues, response: RampResponse) -> A
 def _format_response(response: RampResponse, sign: str = "") -> list[str]:
     """Return each quantity as text, forward and sideways separated by a slash."""
     return [
-        "/".join(f"{factor * value:{sign}.{digits}f}" for value in getattr(response, name)[:2])
-        for name, (factor, digits) in _FORMATS.items()
+        "/".join(f"{factor * value:{sign}.{digits}f}" for value in values[:2])
+        for values, (factor, digits) in zip(response, _FORMATS, strict=True)
     ]

@@ -20,8 +20,9 @@ from omni_control.kinematics import Array
 from omni_mj.config import FRAME_RATE_HZ, PERIOD_S
 from omni_mj.config.rows import build_single_robot_rows
 from omni_mj.config.scenario import Scenario
+from omni_mj.results.result import Outcome
 from omni_mj.simulation.simulation import Simulation
-from omni_mj.studies.open_loop import resting_reference, send_twists
+from omni_mj.studies.open_loop import resting_reference, run_open_loop
 from omni_mj.studies.run_scenario import AfterFrame
 
 # Case -> whether robots drive; axis of step and disturbance: 0 forward, 1 sideways
@@ -60,7 +61,7 @@ def driving_displacement(frame: Array) -> Array:
     """Return how far a driving robot has moved along its reference, without a step.
 
     Args:
-        frame: Frame numbers, the same for x, y and heading, (..., m, 3).
+        frame: Frame numbers, (..., m, 1).
 
     Returns:
         Displacements in x, y and heading since frame 0, (..., m, 3) m and rad.
@@ -101,9 +102,7 @@ class SteppedReference:
 
     def preview(self, frame: float | Array, pose: Array, count: int) -> tuple[Array, Array]:
         """Return the poses and twists of `count` frames from a frame on."""
-        start = np.asarray(frame, float)
-        start = start[:, None] if start.ndim == 1 else start
-        frames = np.broadcast_to(start, pose.shape) + np.arange(float(count))[:, None, None]
+        frames = np.reshape(frame, (-1, 1)) + np.arange(float(count))[:, None, None]
         is_driving = self.is_driving[self.rows]
         poses = is_driving * driving_displacement(frames)
         next_poses = is_driving * driving_displacement(frames + 1)
@@ -123,11 +122,11 @@ class LoopExperiment:
 
     Attributes:
         simulation: Simulation of all rows.
-        row_labels: Arrays "case" (a key of `CASES`) and "sign" (1 or -1), (n,) each.
         disturbance: Added to the command along each row's axis, (TOTAL_FRAMES, n) m/s.
     """
 
     def __init__(self, scenario: Scenario) -> None:
+        self._scenario = scenario
         settings = scenario.settings.replace(
             reference=resting_reference(TOTAL_FRAMES), world={"start_poses": [[0, 0, 0]]}
         )
@@ -136,7 +135,8 @@ class LoopExperiment:
         runs = [(label, seed, settings) for label, _, seed, _ in grid]
         rows = build_single_robot_rows(runs, scenario.robot)
         _, cases, seeds, signs = zip(*grid, strict=True)
-        self.row_labels = {"case": np.array(cases), "sign": np.array(signs)}
+        # Case, a key of `CASES`, and sign, 1 or -1, of each row
+        self._row_labels = {"case": np.array(cases), "sign": np.array(signs)}
         is_driving, axes = zip(*(CASES[case] for case in cases), strict=True)
         self._reference = SteppedReference(
             np.array(is_driving)[:, None], np.zeros((len(rows), 3)), np.arange(len(rows))
@@ -150,23 +150,18 @@ class LoopExperiment:
             np.transpose([make_multisine(seed) for seed in seeds]) * signs
         )
 
-    def run(self, after_frame: AfterFrame) -> str | None:
-        """Run the experiment.
-
-        Args:
-            after_frame: Called with each frame's number; it may raise `StoppedError`.
-
-        Returns:
-            The reason if it was stopped, else None.
-        """
-        return send_twists(self.simulation, self._disturbed_commands(), after_frame)
+    def run(self, after_frame: AfterFrame) -> Outcome:
+        """Run the experiment; `after_frame` is called with each frame's number."""
+        commands = self._disturbed_commands()
+        outcome = run_open_loop(self._scenario, self.simulation, commands, after_frame)
+        return replace(outcome, metrics=self._row_labels)
 
     def _disturbed_commands(self) -> Iterator[Array]:
         """Yield the commands of each frame, with the disturbance, (n, 3)."""
         team = self.simulation.team
         for frame, disturbance in enumerate(self.disturbance):
             if frame == WARM_UP_FRAMES:
-                self._reference.offset[self._row_axes] = STEP_M * self.row_labels["sign"]
+                self._reference.offset[self._row_axes] = STEP_M * self._row_labels["sign"]
             self.simulation.observe()
             desired = team.command()
             disturbed = desired.copy()

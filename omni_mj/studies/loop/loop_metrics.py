@@ -135,10 +135,9 @@ def compute_margins(gains: Gains) -> StabilityMargins:
 
 def _crossing_time(fraction: Array, level: float) -> float:
     """Return the time of the first crossing of a level, interpolated between frames, s."""
-    above = np.flatnonzero(fraction >= level)
-    if not above.size:
+    frame = int(np.argmax(fraction >= level))
+    if fraction[frame] < level:
         return np.nan
-    frame = int(above[0])
     if frame == 0:
         return 0.0
     excess = float((fraction[frame] - level) / (fraction[frame] - fraction[frame - 1]))

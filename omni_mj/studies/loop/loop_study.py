@@ -3,7 +3,6 @@
 `loop_experiment` runs the robots, `loop_metrics` evaluates the record.
 """
 
-import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
@@ -28,7 +27,6 @@ from omni_mj.studies.loop.loop_metrics import (
     compute_step_metrics,
     estimate_loop_gain,
 )
-from omni_mj.studies.open_loop import open_loop_outcome
 from omni_mj.studies.run_scenario import (
     StartProgress,
     build_result,
@@ -146,12 +144,12 @@ class LoopResult(Result):
         steps = self._format_metrics(step_title, "step_metrics", STEP_COLUMNS)
         margin_title = f"stability margins: {self.title}"
         margins = self._format_metrics(margin_title, "margins", MARGIN_COLUMNS)
-        remarks = [
+        remarks = "\n".join(
             f"note: {label} did not respond to the step; it must read self.reference in command()"
             for label, loop in next(iter(self.loops.values())).items()
             if np.isnan(loop.step_response).all() and np.isfinite(loop.gains).all()
-        ]
-        return "\n\n".join([steps, margins, *(["\n".join(remarks)] if remarks else [])])
+        )
+        return "\n\n".join(filter(None, [steps, margins, remarks]))
 
     def _format_metrics(
         self, title: str, field_name: str, columns: Sequence[tuple[str, float, int]]
@@ -197,7 +195,6 @@ def measure_loop(
     Raises:
         OmniError: The scenario or a controller does not exist.
     """
-    start_time = time.perf_counter()
     scenario = resolve_scenario(
         scenario, list_competitors() if controllers is None else controllers
     )
@@ -206,11 +203,8 @@ def measure_loop(
         name="loop", description="step responses and margins", paper_table=0
     )
     experiment = LoopExperiment(scenario)
-    stopped = experiment.run(start_progress("loop", loop_experiment.TOTAL_FRAMES))
-    outcome = open_loop_outcome(
-        scenario, experiment.simulation, start_time, stopped, experiment.row_labels
-    )
-    loops = {} if stopped else _evaluate(experiment, scenario.labels)
+    outcome = experiment.run(start_progress("loop", loop_experiment.TOTAL_FRAMES))
+    loops = {} if outcome.entry["reason"] else _evaluate(experiment, scenario.labels)
     return LoopResult(**vars(build_result(outcome)), loops=loops)
 
 
@@ -219,15 +213,14 @@ def _evaluate(
 ) -> dict[str, dict[str, LoopMeasurement]]:
     """Return case -> controller -> measurement of an experiment that ran to its end."""
     position, command, disturbance = experiment.paired_responses()
-    after_step = slice(loop_experiment.WARM_UP_FRAMES, None)
-    is_responding = np.abs(command[after_step][: loop_experiment.STEP_FRAMES]).max(axis=(0, 3)) > 0
-    command = command[-loop_experiment.MEASURED_FRAMES :]
-    disturbance = disturbance[-loop_experiment.MEASURED_FRAMES :]
-    displacement = position[after_step][: loop_experiment.STEP_FRAMES]
-    displacement = (displacement - displacement[0]).mean(3)
+    start = loop_experiment.WARM_UP_FRAMES
+    after_step = slice(start, start + loop_experiment.STEP_FRAMES)
+    measured = slice(-loop_experiment.MEASURED_FRAMES, None)
+    is_responding = np.abs(command[after_step]).max(axis=(0, 3)) > 0
+    displacement = (position[after_step] - position[start]).mean(3)
 
     def evaluate_loop(i: int, j: int) -> LoopMeasurement:
-        gains = estimate_loop_gain(command[:, i, j], disturbance[:, i, j])
+        gains = estimate_loop_gain(command[measured, i, j], disturbance[measured, i, j])
         response = np.where(is_responding[i, j], displacement[:, i, j], np.nan)
         metrics = compute_step_metrics(response, STEP_M)
         return LoopMeasurement(gains, response, metrics, compute_margins(gains))

@@ -97,7 +97,7 @@ def _fit_each_move(
 ) -> dict[str, Array]:
     """Return gain, time and deceleration of each move, (n,); see `SlipFit.fitted`."""
     arm = settings.wheels.arm_m
-    failed = {failure.row for failure in record.simulation.failures}
+    failed = {failure.row for failure in record.outcome.failures}
     fitted = {name: np.full(len(moves), np.nan) for name in ("gain", "time", "deceleration")}
     for i, move in enumerate(moves):
         if i in failed:

@@ -18,9 +18,10 @@ from omni_mj.config import PERIOD_S
 from omni_mj.config.rows import build_single_robot_rows
 from omni_mj.config.scenario import Scenario
 from omni_mj.plants.mujoco_plant import MujocoPlant
+from omni_mj.results.result import Outcome
 from omni_mj.simulation.simulation import Simulation
-from omni_mj.studies.open_loop import open_loop_settings, send_twists
-from omni_mj.studies.run_scenario import AfterFrame
+from omni_mj.studies.open_loop import open_loop_settings, run_open_loop
+from omni_mj.studies.run_scenario import StartProgress
 
 AXES = ("forward", "sideways", "turning")
 SPEEDS_M_S = (0.5, 1.0, 1.25, 1.5)
@@ -91,14 +92,12 @@ class MoveRecord:
         wheel_twists: Twist by the encoders, (F, n, 3).
         body_twists: True twist, (F, n, 3). TIGERs Mannheim use the estimate of a filter, whose
             error is 0.1 % of the speed.
-        simulation: The simulation that was run.
-        stopped: Reason why it ended early, or None.
+        outcome: Outcome of the simulation.
     """
 
     wheel_twists: Array
     body_twists: Array
-    simulation: Simulation
-    stopped: str | None
+    outcome: Outcome
 
 
 def straight_move(axis: str, speed: float, rolls_out: bool) -> Move:
@@ -125,27 +124,26 @@ def identification_moves() -> list[Move]:
     ]
 
 
-def longest_move(moves: Sequence[Move]) -> int:
-    """Return the number of frames of the longest move."""
-    return max(move.frames for move in moves)
-
-
-def record_moves(scenario: Scenario, moves: Sequence[Move], after_frame: AfterFrame) -> MoveRecord:
+def record_moves(
+    scenario: Scenario, moves: Sequence[Move], start_progress: StartProgress
+) -> MoveRecord:
     """Drive all moves, one robot each, and record encoders and poses.
 
     Args:
         scenario: The robot and its settings.
         moves: The move of each robot.
-        after_frame: Called with each frame's number; it may raise `StoppedError`.
+        start_progress: See `slip_study.measure_slip`.
     """
     # The last frame only records the pose that the last command led to.
-    frames = longest_move(moves) + 1
+    frames = max(move.frames for move in moves) + 1
     settings = open_loop_settings(scenario.settings, frames)
     scenario = scenario.replace(settings=settings, plant="mujoco", paper_table=0, seeds=1)
     runs = [(Controller.__name__, scenario.seed + i, settings) for i in range(len(moves))]
     rows = build_single_robot_rows(runs, scenario.robot)
     simulation = Simulation(scenario, [Controller], rows=rows)
-    stopped = send_twists(simulation, _command_moves(simulation, moves, frames), after_frame)
+    commands = _command_moves(simulation, moves, frames)
+    after_frame = start_progress(scenario.name, frames)
+    outcome = run_open_loop(simulation.scenario, simulation, commands, after_frame)
     kinematics = settings.wheels.kinematics
     pose, angle = simulation.log.channel("pose"), simulation.log.channel("wheel_angle")
     counts_per_rad = settings.sensors.encoder_counts * settings.motor.gear_ratio / (2 * np.pi)
@@ -154,8 +152,7 @@ def record_moves(scenario: Scenario, moves: Sequence[Move], after_frame: AfterFr
     return MoveRecord(
         wheel_twists=kinematics.body_twist(counts / (counts_per_rad * PERIOD_S)),
         body_twists=world_to_body(np.diff(pose, axis=0) / PERIOD_S, heading),
-        simulation=simulation,
-        stopped=stopped,
+        outcome=outcome,
     )
 
 

@@ -14,7 +14,7 @@ as forward drag, which was not measured. If the firmware is right, forward drag 
 import re
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -29,15 +29,9 @@ from omni_mj.results.result import Outcome, Result
 from omni_mj.results.seed_statistics import finite_or_none
 from omni_mj.results.text_table import Table, format_number, format_table
 from omni_mj.studies.compare_study import check_scenarios
-from omni_mj.studies.open_loop import open_loop_outcome
 from omni_mj.studies.run_scenario import StartProgress, no_progress
 from omni_mj.studies.slip.slip_fits import SlipFit, fit_moves
-from omni_mj.studies.slip.slip_moves import (
-    Move,
-    identification_moves,
-    longest_move,
-    record_moves,
-)
+from omni_mj.studies.slip.slip_moves import Move, identification_moves, record_moves
 
 # Name -> title, unit, decimal places, and the published value of each robot of `ROBOTS`
 QUANTITIES: dict[str, tuple[str, str, int, tuple[float, ...]]] = {
@@ -151,7 +145,7 @@ def measure_slip(
     Raises:
         OmniError: A robot does not exist, or two have the same name.
     """
-    study_start = time.perf_counter()
+    start_time = time.perf_counter()
     moves = list(identification_moves() if moves is None else moves)
     if not moves:
         raise OmniError("moves must have at least one move")
@@ -161,25 +155,22 @@ def measure_slip(
     result = SlipResult(outcomes, ["Controller"])
     result.seeds = list(dict.fromkeys(scenario.seed for scenario in scenarios))
     for i, scenario in enumerate(scenarios):
-        start_time = time.perf_counter()
-        after_frame = start_progress(scenario.name, longest_move(moves) + 1)
-        record = record_moves(scenario, moves, after_frame)
-        columns: dict[str, np.ndarray] = {}
-        if record.stopped is None:
-            fit = fit_moves(scenario.settings, moves, record, *_masses(scenario))
-            result.robots[scenario.name] = fit
-            columns = {"move": np.array([move.axis for move in moves]), **fit.fitted}
-            for name in ("speed", "rolls_out"):
-                columns[name] = np.array([getattr(move, name) for move in moves])
-        simulation = record.simulation
-        result.outcomes[i] = open_loop_outcome(
-            simulation.scenario, simulation, start_time, record.stopped, columns
-        )
-        result.stopped = record.stopped
-        if record.stopped:
+        record = record_moves(scenario, moves, start_progress)
+        result.outcomes[i] = record.outcome
+        result.stopped = record.outcome.entry["reason"]
+        if result.stopped:
             break
+        fit = fit_moves(scenario.settings, moves, record, *_masses(scenario))
+        result.robots[scenario.name] = fit
+        columns = {
+            "move": np.array([move.axis for move in moves]),
+            **fit.fitted,
+            "speed": np.array([move.speed for move in moves]),
+            "rolls_out": np.array([move.rolls_out for move in moves]),
+        }
+        result.outcomes[i] = replace(record.outcome, metrics=columns)
     result.complete = result.stopped is None
-    result.wall_s = time.perf_counter() - study_start
+    result.wall_s = time.perf_counter() - start_time
     return result
 
 
