@@ -50,17 +50,17 @@ ROBOTS = ("tigers-v2016", "tigers-v2020", "ssl-a-team", "robojackets", "roboteam
 # Omni3's encoder and gear; its wheels turn the other way than ours
 COUNTS_PER_RAD = -1024 * 12 / (2 * np.pi)
 OMNI3 = {  # mass, inertias, height and rollers are guesses
-    ("body", "mass_kg"): "10.0",
-    ("body", "com_x_m"): "0.0",
-    ("body", "com_height_m"): "0.1",
-    ("body", "yaw_inertia_kg_m2"): "0.25",
-    ("body", "tilt_inertia_kg_m2"): "0.2",
-    ("wheels", "azimuths_deg"): "[300, 60, 180]",
-    ("wheels", "arm_m"): "0.195",
-    ("wheels", "radius_m"): "0.051",
-    ("wheels", "rollers"): "18",
-    ("wheels", "roller_radius_m"): "0.005",
-    ("carpet", "rolling_resistance"): "0.1",
+    "body.mass_kg": "10.0",
+    "body.com_x_m": "0.0",
+    "body.com_height_m": "0.1",
+    "body.yaw_inertia_kg_m2": "0.25",
+    "body.tilt_inertia_kg_m2": "0.2",
+    "wheels.azimuths_deg": "[300, 60, 180]",
+    "wheels.arm_m": "0.195",
+    "wheels.radius_m": "0.051",
+    "wheels.rollers": "18",
+    "wheels.roller_radius_m": "0.005",
+    "carpet.rolling_resistance": "0.1",
 }
 ROBOCIN_COLUMNS = (
     "gain_forward",
@@ -83,7 +83,7 @@ COLUMNS = {  # number -> unit in the table
 }  # fmt: skip
 
 
-def write_robot(path: Path, robot: str, changes: Mapping[tuple[str, str], object]) -> str:
+def write_robot(path: Path, robot: str, changes: Mapping[str, object]) -> str:
     """Write a robot's file with other values and return its path."""
     values = {field: f"{value} # a guess" for field, value in changes.items()}
     path.write_text(
@@ -135,12 +135,12 @@ def write_start_file(settings: Settings, robot: str, number: int, folder: Path) 
     rng = np.random.default_rng([number, 1])
     creep, rollers, pile = np.exp(rng.uniform(-0.4, 0.4, 3))
     changes = {
-        ("drivetrain", "creep_stiffness"): settings.drivetrain.creep_stiffness * creep,
-        ("drivetrain", "roller_friction"): settings.drivetrain.roller_friction * rollers,
-        ("carpet", "rolling_resistance"): settings.carpet.rolling_resistance * pile,
-        ("body", "mass_kg"): settings.body.mass_kg * rng.uniform(0.93, 1.1),
-        ("wheels", "radius_m"): settings.wheels.radius_m * (1 + RADIUS_ERROR * rng.normal()),
-        ("radio", "delay_frames"): 3,
+        "drivetrain.creep_stiffness": settings.drivetrain.creep_stiffness * creep,
+        "drivetrain.roller_friction": settings.drivetrain.roller_friction * rollers,
+        "carpet.rolling_resistance": settings.carpet.rolling_resistance * pile,
+        "body.mass_kg": settings.body.mass_kg * rng.uniform(0.93, 1.1),
+        "wheels.radius_m": settings.wheels.radius_m * (1 + RADIUS_ERROR * rng.normal()),
+        "radio.delay_frames": 3,
     }
     return write_robot(folder / f"start-{number}.toml", robot, changes)
 

@@ -4,8 +4,10 @@ import time
 from collections.abc import Iterable
 from typing import Any
 
+from omni_control.controllers.base import Controller
 from omni_control.kinematics import Array
 from omni_mj.config import PERIOD_S
+from omni_mj.config.rows import build_single_robot_rows
 from omni_mj.config.scenario import Scenario
 from omni_mj.config.settings import Settings
 from omni_mj.results import summary
@@ -42,6 +44,13 @@ def open_loop_settings(settings: Settings, frames: int, **sections: Any) -> Sett
         fault=(),
         **sections,
     )
+
+
+def build_open_loop(scenario: Scenario, runs: Iterable[tuple[int, Settings]]) -> Simulation:
+    """Return a simulation of robots without controllers, from seed and settings of each."""
+    labeled_runs = [(Controller.__name__, *run) for run in runs]
+    rows = build_single_robot_rows(labeled_runs, scenario.robot)
+    return Simulation(scenario, [Controller], rows=rows)
 
 
 def run_open_loop(

@@ -171,9 +171,8 @@ def choose_shared_backend(scenario: Scenario, robots: int) -> Scenario:
     All simulations of a study need the same backend, because backends differ in the last bits.
     """
     settings = scenario.settings
-    if settings.physics.backend != "auto":
-        return scenario
-    backend = choose_backend("auto", scenario.plant, robots, build_timed_reference(settings).frames)
+    frames = build_timed_reference(settings).frames
+    backend = choose_backend(settings.physics.backend, scenario.plant, robots, frames)
     return scenario.replace(settings=settings.replace(physics={"backend": backend}))
 
 

@@ -42,7 +42,8 @@ from omni_mj.studies.run_scenario import (
     run_simulation,
 )
 from omni_mj.studies.sweep.sweep_plan import MODEL_AXIS, SWEEP_FILE, SweepPlan, check_axes
-from omni_mj.studies.sweep.sweep_study import SweepResult, merge_rows, run_shard, stored_shards
+from omni_mj.studies.sweep.sweep_study import SweepResult, merge_rows, stored_shards
+from omni_mj.studies.sweep.workers import run_shards
 
 if TYPE_CHECKING:
     import pyarrow as pa
@@ -192,7 +193,8 @@ class _SavedRun:
         copy = self.path / item["file"]
         if not copy.resolve().is_relative_to((self.path / SOURCES_FOLDER).resolve()):
             raise OmniError(f"{PROVENANCE_FILE} names {copy}, which is not in {SOURCES_FOLDER}/")
-        self._check_file(copy, item["sha256"])
+        if not copy.is_file() or sha256(copy.read_bytes()) != item["sha256"]:
+            raise OmniError(f"{copy} is missing, or was changed after the run: its SHA-256 differs")
         return str(copy)
 
     def _check_settings(self, file: Path, settings: Mapping[str, Any]) -> None:
@@ -201,10 +203,6 @@ class _SavedRun:
         sections = {key: content[key] for key in content if key not in TOP_LEVEL_FIELDS}
         if changes := list_changes(settings, sections, [*settings, *sections]):
             raise OmniError(f"{file} was changed after the run: {changes[0]}")
-
-    def _check_file(self, file: Path, digest: str) -> None:
-        if not file.is_file() or sha256(file.read_bytes()) != digest:
-            raise OmniError(f"{file} is missing, or was changed after the run: its SHA-256 differs")
 
     def _find_class(self, item: Mapping[str, Any]) -> str:
         """Return the name of a built-in class, or the class path of a copy."""
@@ -262,14 +260,8 @@ def _repeat_sweep(saved_run: _SavedRun, start_progress: StartProgress) -> Verify
     plan = SweepPlan(scenario, check_axes(axes.items()), saved_plan["batch_size"])
     shards = stored_shards(plan, path)
     saved = SweepResult(plan, len(shards), None, path)
-    show = start_progress("sweep", plan.frames * len(shards))
-    shard_tables: list[pa.Table] = []
-
-    def after_frame(frame: int) -> None:
-        show(len(shard_tables) * plan.frames + frame)
-
-    for shard in shards:
-        shard_tables.append(run_shard(plan, shard, after_frame))
+    after_frame = start_progress("sweep", plan.frames * len(shards))
+    shard_tables = [rows for _, rows in run_shards(plan, shards, after_frame)]
     saved_rows, repeated_rows = saved.rows(), merge_rows(plan, shard_tables)
     if MODEL_AXIS in saved_rows.column_names:  # paths, which differ from those of the copies
         saved_rows, repeated_rows = (

@@ -198,7 +198,7 @@ def test_estimates_beyond_the_limits_of_settings_are_not_written() -> None:
         ("commands.dead_time_s", 10.1, False),
     ):
         source, parameter = name.split(".")
-        estimate = Estimate(parameter, "", "", source, value, 0.0, value, value, None, False)
+        estimate = Estimate(parameter, source, value, 0.0, value, value, None, False)
         assert bool(list_changes({name: estimate}, [])) == is_written, (name, value)
 
 

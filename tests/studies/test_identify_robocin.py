@@ -38,9 +38,9 @@ def test_a_fit_predicts_segments_of_its_log_that_it_has_not_seen(
     result: IdentificationResult,
 ) -> None:
     """A prior by the start robot prevents that 18 segments are fitted too closely."""
-    prediction = result.predictions["wheels"]
+    prediction, segments = result.predictions["wheels"], result.fits["wheels"].problem.segments
     assert prediction
-    assert prediction.n_segments < len(result.fits["wheels"].segments), "it stands still in some"
+    assert prediction.n_segments < len(segments), "it stands still in some"
     assert prediction.fitted_m < prediction.start_m
 
 

@@ -20,11 +20,9 @@ from typing import Any
 import numpy as np
 
 from omni_control.arguments import check_types
-from omni_control.controllers.base import Controller
 from omni_control.errors import OmniError
 from omni_control.kinematics import Array
 from omni_mj.config import distributions
-from omni_mj.config.rows import build_single_robot_rows
 from omni_mj.config.scenario import Scenario
 from omni_mj.config.settings import Settings
 from omni_mj.results.ramp_response import RampProfile, RampResponse, measure_ramp_response
@@ -45,7 +43,7 @@ from omni_mj.studies.alpha.operating_conditions import (
     apply_condition,
     shapley_values,
 )
-from omni_mj.studies.open_loop import open_loop_settings, run_open_loop
+from omni_mj.studies.open_loop import build_open_loop, open_loop_settings, run_open_loop
 from omni_mj.studies.run_scenario import StartProgress, no_progress, resolve_scenario
 
 DEFINITIONS = {
@@ -213,7 +211,7 @@ def measure_alpha(
         columns |= {name: values.ravel() for name, values in response._asdict().items()}
     return AlphaResult(
         [replace(outcome, metrics=columns)],
-        [Controller.__name__],  # a placeholder: the study itself commands the robots
+        simulation.scenario.labels,
         seeds=[robot.seed],
         wall_s=outcome.entry["wall_s"],
         stopped=stopped,
@@ -237,12 +235,11 @@ def _prepare_trials(scenario: Scenario, trials: Trials) -> tuple[Simulation, Arr
     for i, speed in enumerate(speeds):
         twists[: len(speed), i, :, :2] = speed[:, None, None] * np.array([*DIRECTIONS.values()])
     runs = [
-        (Controller.__name__, scenario.seed, open_loop_settings(s, len(twists), **UNDISTURBED))
-        for s, _ in trials
+        (scenario.seed, open_loop_settings(settings, len(twists), **UNDISTURBED))
+        for settings, _ in trials
         for _ in DIRECTIONS
     ]
-    rows = build_single_robot_rows(runs, scenario.robot)
-    simulation = Simulation(scenario, [Controller], rows=rows)
+    simulation = build_open_loop(scenario, runs)
     if simulation.plant.geometry is None:
         raise OmniError(
             f"the alpha study needs a plant with wheels, and the plant {scenario.plant!r} has none"

@@ -41,14 +41,15 @@ def cross_validate(fit: Fit, prior: Prior, start: Parameters) -> Prediction | No
         prior: Prior of the fit.
         start: Parameters of the start robot. Clock and heading offset are fitted.
     """
-    pose = fit.segments.pose
+    problem = fit.problem
+    pose = problem.segments.pose
     distance = np.hypot(*np.ptp(pose[..., :2], axis=1).T)
     is_moving = (distance > MIN_DISTANCE_M) | (np.ptp(pose[..., 2], axis=1) > MIN_ANGLE_RAD)
     if is_moving.sum() < N_FOLDS:
         return None
     start_problem = ProjectedProblem(
-        fit.dynamics,
-        fit.segments.select(is_moving),
+        problem.dynamics,
+        problem.segments.select(is_moving),
         start | {name: fit.parameters[name] for name in CLOCK_AND_CAMERA},
         CLOCK_AND_CAMERA,
     )
@@ -65,25 +66,21 @@ def _predict_folds(fit: Fit, prior: Prior, folds: np.ndarray) -> Array:
         prior: Prior of the fit.
         folds: Fold of each segment, or -1, (S,).
     """
-    problem = ProjectedProblem(fit.dynamics, fit.segments, fit.parameters, fit.free)
-    residual = problem.residual(problem.start_values)
+    problem = fit.problem
+    residual = problem.residual(fit.values)
     covariance = N_FOLDS / (N_FOLDS - 1) * fit.covariance
     # Columns are scaled, so that singular values are comparable.
     jacobian = problem.jacobian * problem.scale
     errors = []
     for fold in range(N_FOLDS):
         is_test = folds == fold
-        train = jacobian[~is_test].reshape(-1, len(fit.free))
+        train = jacobian[~is_test].reshape(-1, len(fit.values))
         # At the fit to all segments, the gradients of training and test add up to zero.
         gradient = np.einsum("smkn,smk->n", jacobian[is_test], residual[is_test])
         step = np.linalg.pinv(train.T @ train, rcond=1e-9, hermitian=True) @ gradient
-        test_problem = ProjectedProblem(
-            fit.dynamics, fit.segments.select(is_test), fit.parameters, fit.free
-        )
-        test_problem.weights = problem.weights
-        x_fold = prior.combine(problem.start_values + problem.scale * step, covariance)[0]
+        x_fold = prior.combine(fit.values + problem.scale * step, covariance)[0]
         x_fold = np.clip(x_fold, problem.low, problem.high)
-        errors.append(test_problem.residual(x_fold)[..., :2])
+        errors.append(problem.residual(x_fold)[is_test, :, :2])
     return np.concatenate(errors)
 
 

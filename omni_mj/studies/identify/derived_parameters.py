@@ -15,7 +15,7 @@ from omni_control.kinematics import Array
 from omni_control.traction_limits import GRAVITY
 from omni_mj.config import PERIOD_S, nominal_model
 from omni_mj.config.settings import Settings
-from omni_mj.studies.identify.parameter_fit import RANGES, Fit, Prior
+from omni_mj.studies.identify.parameter_fit import Fit, Prior
 from omni_mj.studies.identify.slip_dynamics import DEAD_TIME, RobotDynamics
 
 # To identify creep, a log needs the speed FAST_M_S for MIN_DURATION_S, and the acceleration
@@ -89,8 +89,6 @@ class Estimate:
 
     Attributes:
         name: Name of the parameter, a key of `PARAMETERS`.
-        title: Meaning, for tables.
-        unit: Unit, empty for a ratio.
         source: Inputs of the fit: "commands" or "wheels".
         value: Estimated value.
         standard_error: Standard error of the value.
@@ -101,8 +99,6 @@ class Estimate:
     """
 
     name: str
-    title: str
-    unit: str
     source: str
     value: float
     standard_error: float
@@ -112,16 +108,22 @@ class Estimate:
     is_weak: bool
 
     @property
+    def info(self) -> ParameterInfo:
+        """Properties of the parameter."""
+        return PARAMETERS[self.name]
+
+    @property
     def is_identified(self) -> bool:
         """Whether the data identify the parameter, at least weakly."""
         return self.why_not is None
 
     def report(self) -> dict[str, Any]:
         """Return plain values for JSON; without numbers if the parameter is not identified."""
-        head = {"title": self.title, "unit": self.unit, "source": self.source, "value": self.value}
+        head = {"title": self.info.title, "unit": self.info.unit, "source": self.source}
         if not self.is_identified:
             return head | {"value": None, "not_identifiable": self.why_not}
         return head | {
+            "value": self.value,
             "weak": self.is_weak,
             "standard_error": self.standard_error,
             "interval_95": [self.low, self.high],
@@ -179,19 +181,18 @@ def estimate_parameters(
         settings: Settings of the start robot.
         missing_excitation: Missing excitations and reasons; see `find_missing_excitation`.
     """
-    by_wheels, free = fit.segments.by_wheels, fit.free
+    problem, by_wheels, free = fit.problem, fit.problem.segments.by_wheels, fit.problem.free
 
     def evaluate(x: Array) -> dict[str, float]:
-        parameters = fit.parameters | dict(zip(free, x.tolist(), strict=True))
-        return derive_parameters(fit.dynamics, settings, parameters, by_wheels)
+        return derive_parameters(problem.dynamics, settings, problem.parameters(x), by_wheels)
 
-    x = fit.values
-    steps = [1e-3 * RANGES[name].scale for name in free]
-    gradient = approx_fprime(x, lambda x: np.array(list(evaluate(x).values())), steps)
+    gradient = approx_fprime(
+        fit.values, lambda x: np.array(list(evaluate(x).values())), 1e-3 * problem.scale
+    )
     errors = np.sqrt(np.einsum("ki,ij,kj->k", gradient, fit.covariance, gradient))
     prior_errors = np.hypot.reduce(gradient * prior.error, axis=1)
     for (name, value), error, prior_error in zip(
-        evaluate(x).items(), errors, prior_errors, strict=True
+        evaluate(fit.values).items(), errors, prior_errors, strict=True
     ):
         is_creep_fitted = "creep" not in name or "creep_compliance" in free
         is_fitted = error != 0 and is_creep_fitted
@@ -207,10 +208,9 @@ def estimate_parameters(
         elif reason is None and name == "loop_gain" and abs(value - settings.firmware.kp) < half:
             reason = f"the {settings.firmware.kp:g} {info.unit} of the robot's file lies within"
         source = "wheels" if by_wheels else "commands"
-        interval = value - half, value + half
         is_weak = not half <= info.limit * size  # also if it is NaN
         yield Estimate(
-            name, info.title, info.unit, source, value, total_error, *interval, reason, is_weak
+            name, source, value, total_error, value - half, value + half, reason, is_weak
         )
 
 
@@ -293,23 +293,16 @@ def _why_not_identified(
     for excitation in info.excitation.split():
         if excitation in missing_excitation:
             return missing_excitation[excitation]
-    if reason := _model_failure(fit):
-        return reason
-    is_creep_at_bound = "creep" in name and "creep_compliance" in fit.at_bound
-    if name in fit.at_bound or is_creep_at_bound:
-        return f"the fit stopped at a bound, {value:.3g} {info.unit}".rstrip()
-    return None
-
-
-def _model_failure(fit: Fit) -> str | None:
-    """Return the reason if the model does not describe the motion at all, else None."""
-    by_wheels = fit.segments.by_wheels
+    by_wheels = fit.problem.segments.by_wheels
     limit = MAX_NOISE_RATIO_BY_WHEELS if by_wheels else MAX_NOISE_RATIO_BY_COMMANDS
     for quantity, residuals in fit.residuals.items():
-        if fit.misfit and residuals.rms > limit * residuals.noise:
-            ratio = residuals.rms / residuals.noise
+        ratio = residuals.rms / residuals.noise
+        if fit.misfit and ratio > limit:
             return (
                 "the model does not describe this motion: residuals of "
                 f"{quantity} are {ratio:.1f} times the noise"
             )
+    is_creep_at_bound = "creep" in name and "creep_compliance" in fit.at_bound
+    if name in fit.at_bound or is_creep_at_bound:
+        return f"the fit stopped at a bound, {value:.3g} {info.unit}".rstrip()
     return None

@@ -19,15 +19,16 @@ from omni_control.arguments import check_types
 from omni_control.kinematics import Array, Kinematics, world_to_body
 from omni_mj.config import robot_files, toml_files
 from omni_mj.config.scenario import Scenario, load_scenario
-from omni_mj.io.atomic_files import write_json, write_text
+from omni_mj.io.atomic_files import write_files, write_json, write_text
 from omni_mj.results.text_table import DASH, Table, format_table
-from omni_mj.studies.identify import log_checks, robot_file_writer
+from omni_mj.studies.identify import robot_file_writer
 from omni_mj.studies.identify.cross_validation import Prediction, cross_validate
 from omni_mj.studies.identify.derived_parameters import (
     Estimate,
     estimate_parameters,
     find_missing_excitation,
 )
+from omni_mj.studies.identify.log_checks import LoggedMotion, check_and_estimate_delay
 from omni_mj.studies.identify.log_cutting import discard_unexplained_poses
 from omni_mj.studies.identify.log_segments import cut_segments
 from omni_mj.studies.identify.parameter_fit import RANGES, Fit, Prior, fit_parameters
@@ -116,7 +117,7 @@ class IdentificationResult:
                 f"predict better than {self.start.robot}"
             )
         lines += [
-            f"not identifiable from these data: {e.title} ({e.source}): {e.why_not}"
+            f"not identifiable from these data: {e.info.title} ({e.source}): {e.why_not}"
             for e in self.estimates.values()
             if not e.is_identified
         ]
@@ -135,7 +136,7 @@ class IdentificationResult:
     def report(self) -> dict[str, Any]:
         """Return the content of identify.json."""
         fits = {
-            source: {"segments": len(fit.segments)}
+            source: {"segments": len(fit.problem.segments)}
             | {quantity: vars(residuals) for quantity, residuals in fit.residuals.items()}
             for source, fit in self.fits.items()
         }
@@ -163,11 +164,8 @@ class IdentificationResult:
         changes = robot_file_writer.list_changes(self.estimates, trusted_sources)
         if model := self.start.settings.model.file:
             contents = robot_files.read_model_files(Path(model))
-            for name, data in contents.items():
-                copy = folder / "model" / name
-                copy.parent.mkdir(parents=True, exist_ok=True)
-                copy.write_bytes(data)
-            changes["model", "file"] = json.dumps(f"model/{next(iter(contents))}")
+            write_files(folder / "model", contents)
+            changes["model.file"] = json.dumps(f"model/{next(iter(contents))}")
         start = toml_files.decode_utf8(robot_files.find_robot_file(self.start.robot).read_bytes())
         robot_file = robot_file_writer.apply_changes(start, changes, self.logs)
         write_text(folder / "robot.toml", robot_file)
@@ -239,7 +237,7 @@ def _add_fit(result: IdentificationResult, source: str, logs: Sequence[RobotLog]
         free.append("turn_rate_gain")
     free += _prepare_contacts(result.fits.get("wheels"), start, "creep" in missing_excitation)
     fit = fit_parameters(dynamics, segments, start, free)
-    if n_outliers := len(segments) - len(fit.segments):
+    if n_outliers := len(segments) - len(fit.problem.segments):
         result.remarks.append(
             f"{source}: {n_outliers} of {len(segments)} segments with far larger residuals are "
             "left out; causes may be sliding wheels, a collision, or a false detection"
@@ -260,11 +258,11 @@ def _check_logs(
         OmniError: A log fails a check of `log_checks`.
     """
     twists, delays = [], []
-    by_wheels = source == "wheels"
     for log in logs:
-        twist = log_checks.twists_by_wheels(log, geometry) if by_wheels else log.inputs[source]
-        delays.append(log_checks.check_and_estimate_delay(log, twist, source, geometry))
-        if not by_wheels and not log.in_body:
+        motion = LoggedMotion.from_log(log, source, geometry)
+        delays.append(check_and_estimate_delay(log, motion, geometry))
+        twist = motion.twist
+        if not motion.in_body:
             is_known = np.isfinite(log.pose[:, 2])
             heading = np.interp(log.time, log.time[is_known], log.pose[is_known, 2])
             twist = world_to_body(twist, heading)
@@ -284,7 +282,7 @@ def _prepare_contacts(
         start: Initial parameters; the contact parameters are changed in place.
         lacks_creep: Whether the motion does not excite creep.
     """
-    if wheel_fit and "creep_compliance" in wheel_fit.free:
+    if wheel_fit and "creep_compliance" in wheel_fit.problem.free:
         fitted = wheel_fit.parameters
         start |= {name: fitted[name] for name in CONTACT_PARAMETERS}
         start["arm"] = fitted["arm"] / fitted["scale"]
@@ -301,13 +299,13 @@ def _choose_prior(result: IdentificationResult, fit: Fit, nominal: Parameters) -
     Drag and a smaller radius both lower the speed, and the data cannot tell them apart well. So
     the radius of the file is trusted. If the data contradict it, the result gets a remark instead.
     """
-    mean = np.array([nominal[name] for name in fit.free])
-    error = np.array([RANGES[name].prior_error for name in fit.free])
-    if not fit.segments.by_wheels:
+    mean = np.array([nominal[name] for name in fit.problem.free])
+    error = np.array([RANGES[name].prior_error for name in fit.problem.free])
+    if not fit.problem.segments.by_wheels:
         return Prior(mean, error)
-    i = fit.free.index("scale")
+    i = fit.problem.free.index("scale")
     mean[i], error[i] = ROLLING_RADIUS, UNKNOWN_RADIUS_ERROR
-    if "creep_compliance" in fit.free:
+    if "creep_compliance" in fit.problem.free:
         deviation = fit.parameters["scale"] - 1
         sigma = fit.misfit_ratio * fit.covariance[i, i] ** 0.5
         if abs(deviation) > max(MAX_RADIUS_SIGMAS * sigma, MAX_RADIUS_DEVIATION):
@@ -322,9 +320,10 @@ def _choose_prior(result: IdentificationResult, fit: Fit, nominal: Parameters) -
 
 def _estimate_row(estimate: Estimate) -> list[str]:
     """Return the cells of an estimate in the table."""
+    info = estimate.info
     if not estimate.is_identified:
-        return [estimate.title, estimate.unit, DASH, DASH, DASH]
+        return [info.title, info.unit, DASH, DASH, DASH]
     value_and_error = [f"{estimate.value:.4g}", f"{estimate.standard_error:.2g}"]
     interval = f"{estimate.low:.4g} to {estimate.high:.4g}"
-    title = f"{estimate.title} (weak)" if estimate.is_weak else estimate.title
-    return [title, estimate.unit, *value_and_error, interval]
+    title = f"{info.title} (weak)" if estimate.is_weak else info.title
+    return [title, info.unit, *value_and_error, interval]

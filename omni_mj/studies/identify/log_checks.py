@@ -6,7 +6,7 @@ numbers. The magnitude of this correlation does not depend on the angle between 
 and motion. Its phase is that angle.
 """
 
-from typing import NamedTuple
+from typing import NamedTuple, Self
 
 import numpy as np
 from scipy.interpolate import make_interp_spline
@@ -18,6 +18,7 @@ from omni_mj.studies.identify.robot_logs import (
     MAX_GAP_PERIODS,
     MIN_LINES,
     RobotLog,
+    has_pose,
     integrate_windows,
 )
 
@@ -40,6 +41,49 @@ ORDER_ADVANTAGE = 0.1  # of that column over the wheel's own
 TIE = 0.02  # difference of correlations that tells nothing
 MAX_LOG_SPEED_RATIO = 0.4  # of a wheel's speed to that of the others, relative to the motion
 MIN_SPEED_RATIO = 0.3  # below this fraction of the fastest expected speed, a wheel may stand still
+
+
+# Candidates of the delay of each source; the clock of encoders may be ahead of that of poses
+DELAYS_S = {
+    "wheels": np.arange(-MAX_DELAY_S / 2, MAX_DELAY_S, DELAY_STEP_S),
+    "commands": np.arange(0.0, MAX_DELAY_S, DELAY_STEP_S),
+}
+
+
+class LoggedMotion(NamedTuple):
+    """Poses of a robot, and its twists by one source of inputs, in F lines of a log.
+
+    Attributes:
+        source: "wheels" or "commands".
+        time: Times of the lines, (F,) s.
+        pose: Measured poses, world frame, (F, 3).
+        twist: Twists that act until the next line, (F, 3).
+        in_body: Whether the twists are in the body frame.
+    """
+
+    source: str
+    time: Array
+    pose: Array
+    twist: Array
+    in_body: bool
+
+    @classmethod
+    def from_log(cls, log: RobotLog, source: str, geometry: Kinematics) -> Self:
+        """Return the motion in a log, with the wheels of the start robot.
+
+        Raises:
+            OmniError: The log has another number of wheels.
+        """
+        inputs = log.inputs[source]
+        if source == "commands":
+            return cls(source, log.time, log.pose, inputs, log.in_body)
+        n_logged, n_wheels = inputs.shape[1], len(geometry.azimuths)
+        if n_logged != n_wheels:
+            raise OmniError(
+                f"{log.name}: {n_logged} wheels, but the robot's file has {n_wheels}; "
+                f"name one with {n_logged} by --robot"
+            )
+        return cls(source, log.time, log.pose, geometry.body_twist(inputs), True)
 
 
 class Match(NamedTuple):
@@ -65,50 +109,31 @@ class Match(NamedTuple):
         return self.explained - ANGLE_PENALTY * (abs(self.angle) > MAX_ANGLE_RAD)
 
 
-def twists_by_wheels(log: RobotLog, geometry: Kinematics) -> Array:
-    """Return body twists (F, 3) from wheel speeds, with the wheels of the start robot.
-
-    Raises:
-        OmniError: The log has another number of wheels.
-    """
-    n_logged, n_wheels = log.inputs["wheels"].shape[1], len(geometry.azimuths)
-    if n_logged != n_wheels:
-        raise OmniError(
-            f"{log.name}: {n_logged} wheels, but the robot's file has {n_wheels}; "
-            f"name one with {n_logged} by --robot"
-        )
-    return geometry.body_twist(log.inputs["wheels"])
-
-
-def check_and_estimate_delay(
-    log: RobotLog, inputs: Array, source: str, geometry: Kinematics
-) -> float:
+def check_and_estimate_delay(log: RobotLog, motion: LoggedMotion, geometry: Kinematics) -> float:
     """Check a log, and return the delay at which its inputs explain the motion best, s.
 
     Args:
         log: The log.
-        inputs: Twists by wheels or commands, (F, 3). Each acts until the next line.
-        source: "wheels" or "commands".
+        motion: Its motion by one source.
         geometry: Wheels of the start robot.
 
     Raises:
         OmniError: Units, axes, signs or wheels are not as stated, or the inputs do not explain the
             motion.
     """
-    n_poses = int(np.isfinite(log.pose).all(1).sum())
+    n_poses = has_pose(log.pose).sum()
     if n_poses < MIN_LINES:
         raise OmniError(
             f"{log.name}: {n_poses} lines with a pose are too few; at least {MIN_LINES}"
         )
-    by_wheels = source == "wheels"
-    match = match_motion(log.time, log.pose, inputs, by_wheels or log.in_body, by_wheels)
+    match, source = match_motion(motion), motion.source
     is_rotated = abs(match.angle) > MAX_ANGLE_RAD
-    if by_wheels and not (is_rotated and match.explained > SURE_EXPLAINED):
-        _check_wheels(log, geometry)
+    if source == "wheels" and not (is_rotated and match.explained > SURE_EXPLAINED):
+        _check_wheels(log, motion, geometry)
     if np.isnan(match.explained):
         return match.delay
     _check_units(log, match, source)
-    _check_axes(log, inputs, match, source)
+    _check_axes(log, motion, match)
     if match.explained < MIN_EXPLAINED:
         raise OmniError(
             f"{log.name}: the {source} explain {match.explained:.0%} of the motion at any delay "
@@ -134,46 +159,37 @@ def _check_units(log: RobotLog, match: Match, source: str) -> None:
             )
 
 
-def _check_axes(log: RobotLog, inputs: Array, match: Match, source: str) -> None:
+def _check_axes(log: RobotLog, motion: LoggedMotion, match: Match) -> None:
     """Raise OmniError if the inputs explain the motion better with other axes or signs."""
-    by_wheels = source == "wheels"
-    in_body = by_wheels or log.in_body
+    source, in_body = motion.source, motion.in_body
     mirrored, clockwise = "x or y is mirrored, or they are swapped", "headings turn clockwise"
     mistakes = {
         mirrored: ([1, -1, 1], in_body),
         clockwise: ([1, 1, -1], in_body),
         f"{mirrored} and {clockwise}": ([1, -1, -1], in_body),
     }
-    if not by_wheels:
+    if source == "commands":
         axes = "field" if in_body else "robot"
         mistakes[f"commands are along the {axes}'s axes"] = ([1, 1, 1], not in_body)
     best, mistake = max(
-        (match_motion(log.time, log.pose * signs, inputs, frame, by_wheels).score, mistake)
+        (match_motion(motion._replace(pose=log.pose * signs, in_body=frame)).score, mistake)
         for mistake, (signs, frame) in mistakes.items()
     )
     if best > max(match.score + MISTAKE_ADVANTAGE, MISTAKE_EXPLAINED):
         raise OmniError(f"{log.name}: the {source} explain the motion better if {mistake}")
 
 
-def match_motion(time: Array, pose: Array, inputs: Array, in_body: bool, by_wheels: bool) -> Match:
-    """Return the agreement between inputs and poses at the best delay.
-
-    Args:
-        time: Times of the lines, (F,) s.
-        pose: Measured poses, world frame, (F, 3).
-        inputs: Twists, (F, 3).
-        in_body: Whether the twists are in the body frame.
-        by_wheels: Whether the delay may be negative, as that of encoders with another clock.
-    """
-    start, motion = compute_displacements(time, pose, in_body)
-    delays = np.arange(-MAX_DELAY_S / 2 if by_wheels else 0.0, MAX_DELAY_S, DELAY_STEP_S)
-    expected = integrate_windows(time, inputs, start - delays[:, None], WINDOW_S)
+def match_motion(motion: LoggedMotion) -> Match:
+    """Return the agreement between inputs and poses at the best delay."""
+    start, measured = compute_displacements(motion)
+    delays = DELAYS_S[motion.source]
+    expected = integrate_windows(motion.time, motion.twist, start - delays[:, None], WINDOW_S)
     # Translation as x + i y, and rotation
-    motion = np.stack([motion @ [1, 1j, 0], motion[:, 2]])
+    measured = np.stack([measured @ [1, 1j, 0], measured[:, 2]])
     expected = np.stack([expected @ [1, 1j, 0], expected[..., 2]], axis=1)
-    products = np.sum(motion * expected.conj(), 2)
+    products = np.sum(measured * expected.conj(), 2)
     expected_power = np.sum(abs(expected) ** 2, 2)
-    power = np.sum(abs(motion) ** 2, 1)
+    power = np.sum(abs(measured) ** 2, 1)
     min_rms = WINDOW_S * np.array([MIN_RMS_M_S, MIN_RMS_RAD_S])
     is_present = expected_power.mean(0) > len(start) * min_rms**2
     if not is_present.any():
@@ -190,37 +206,35 @@ def match_motion(time: Array, pose: Array, inputs: Array, in_body: bool, by_whee
     )
 
 
-def compute_displacements(
-    time: Array, pose: Array, in_body: bool, window: float = WINDOW_S
-) -> tuple[Array, Array]:
-    """Return start times (n,) and displacements (n, 3) over a window in s, body or world frame.
+def compute_displacements(motion: LoggedMotion, window: float = WINDOW_S) -> tuple[Array, Array]:
+    """Return start times (n,) and displacements (n, 3) over a window in s, frame of the twists.
 
     Windows that overlap a gap in the poses are left out.
     """
-    is_visible = np.isfinite(pose).all(1)
-    visible_time = time[is_visible]
+    is_visible = has_pose(motion.pose)
+    visible_time = motion.time[is_visible]
     intervals = np.diff(visible_time)
     max_interval = max(MAX_GAP_PERIODS * float(np.median(intervals)), WINDOW_S)
     pieces = np.split(visible_time, np.flatnonzero(intervals > max_interval) + 1)
     start = np.concatenate([np.arange(p[0], p[-1] - window, window / 2) for p in pieces])
     start = start[:: 1 + len(start) // MAX_WINDOWS]
-    path = make_interp_spline(visible_time, pose[is_visible], k=1)
-    heading = path(start + window / 2)[:, 2] * in_body
+    path = make_interp_spline(visible_time, motion.pose[is_visible], k=1)
+    heading = path(start + window / 2)[:, 2] * motion.in_body
     return start, world_to_body(path(start + window) - path(start), heading)
 
 
-def _check_wheels(log: RobotLog, geometry: Kinematics) -> None:
+def _check_wheels(log: RobotLog, motion: LoggedMotion, geometry: Kinematics) -> None:
     """Raise OmniError if wheels have wrong signs, order or speeds, or do not turn.
 
     The delay is that at which the wheels, in any order and with any signs, correlate most with the
     motion.
     """
-    start, motion = compute_displacements(log.time, log.pose, True)
-    expected = geometry.wheel_speeds(motion)
+    start, displacements = compute_displacements(motion)
+    expected = geometry.wheel_speeds(displacements)
     deviation = expected.std(0)
     if deviation.max() * geometry.radius < MIN_RMS_M_S * WINDOW_S:
         return
-    delayed_start = start - np.arange(-MAX_DELAY_S / 2, MAX_DELAY_S, DELAY_STEP_S)[:, None]
+    delayed_start = start - DELAYS_S["wheels"][:, None]
     angles = integrate_windows(log.time, log.inputs["wheels"], delayed_start, WINDOW_S)
     n = len(geometry.azimuths)
     with np.errstate(invalid="ignore"):  # a wheel that does not turn

@@ -5,11 +5,16 @@ from dataclasses import replace
 import numpy as np
 
 from omni_control.kinematics import Array, Kinematics, wrap_angle
-from omni_mj.studies.identify import log_checks
+from omni_mj.studies.identify.log_checks import (
+    LoggedMotion,
+    compute_displacements,
+    match_motion,
+)
 from omni_mj.studies.identify.robot_logs import (
     MAX_GAP_PERIODS,
     MIN_LINES,
     RobotLog,
+    has_pose,
     integrate_windows,
 )
 
@@ -33,21 +38,18 @@ def discard_unexplained_poses(log: RobotLog, geometry: Kinematics) -> tuple[Robo
     Args:
         log: The log.
         geometry: Wheels of the start robot.
+
+    Raises:
+        OmniError: The log has another number of wheels.
     """
-    wheels = log.inputs.get("wheels")
-    by_wheels = wheels is not None and wheels.shape[1] == len(geometry.azimuths)
-    n_poses = np.isfinite(log.pose).all(1).sum()
-    if n_poses < MIN_LINES or not (by_wheels or "commands" in log.inputs):
+    source = "wheels" if "wheels" in log.inputs else "commands"
+    motion = LoggedMotion.from_log(log, source, geometry)
+    if has_pose(log.pose).sum() < MIN_LINES:
         return log, []
-    source = "wheels" if by_wheels else "commands"
-    twist = geometry.body_twist(log.inputs["wheels"]) if by_wheels else log.inputs["commands"]
-    pose = log.pose.copy()
-    is_discarded = _mark_intervals(log.time, *_find_jumps(log.time, pose))
-    pose[is_discarded] = np.nan
-    if np.isfinite(pose).all(1).sum() >= MIN_LINES:
-        unexplained = _find_unexplained_windows(
-            log.time, pose, twist, by_wheels or log.in_body, by_wheels
-        )
+    is_discarded = _mark_intervals(log.time, *_find_jumps(log))
+    pose = np.where(is_discarded[:, None], np.nan, log.pose)
+    if has_pose(pose).sum() >= MIN_LINES:
+        unexplained = _find_unexplained_windows(motion._replace(pose=pose))
         is_discarded |= _mark_intervals(log.time, unexplained, unexplained + WINDOW_S)
         pose[is_discarded] = np.nan
     if not is_discarded.any():
@@ -74,14 +76,14 @@ def _mark_intervals(time: Array, start: Array, end: Array) -> np.ndarray:
     return np.cumsum(changes)[:-1] > 0
 
 
-def _find_jumps(time: Array, pose: Array) -> tuple[Array, Array]:
+def _find_jumps(log: RobotLog) -> tuple[Array, Array]:
     """Return the times of the poses before and after each jump, (n,) s each.
 
     There are none if too many steps are jumps.
     """
-    is_visible = np.isfinite(pose).all(1)
-    visible_time = time[is_visible]
-    interval, step = np.diff(visible_time), np.diff(pose[is_visible], axis=0)
+    is_visible = has_pose(log.pose)
+    visible_time = log.time[is_visible]
+    interval, step = np.diff(visible_time), np.diff(log.pose[is_visible], axis=0)
     is_jump = np.hypot(step[:, 0], step[:, 1]) > JUMP_M + JUMP_M_S * interval
     is_jump |= abs(wrap_angle(step[:, 2])) > JUMP_RAD + JUMP_RAD_S * interval
     is_jump &= interval <= MAX_GAP_PERIODS * np.median(interval)
@@ -90,26 +92,17 @@ def _find_jumps(time: Array, pose: Array) -> tuple[Array, Array]:
     return visible_time[:-1][is_jump], visible_time[1:][is_jump]
 
 
-def _find_unexplained_windows(
-    time: Array, pose: Array, twist: Array, in_body: bool, by_wheels: bool
-) -> Array:
+def _find_unexplained_windows(motion: LoggedMotion) -> Array:
     """Return the start times of windows whose displacements the inputs do not explain, (n,) s.
 
     There are none if the inputs leave most of the motion unexplained.
-
-    Args:
-        time: Times of the lines, (F,) s.
-        pose: Measured poses, world frame, (F, 3).
-        twist: Twists by wheels or commands, (F, 3).
-        in_body: Whether the twists are in the body frame.
-        by_wheels: Whether the twists are those by wheels.
     """
-    match = log_checks.match_motion(time, pose, twist, in_body, by_wheels)
-    start, motion = log_checks.compute_displacements(time, pose, in_body, WINDOW_S)
-    expected = integrate_windows(time, twist, start - match.delay, WINDOW_S)
+    match = match_motion(motion)
+    start, measured = compute_displacements(motion, WINDOW_S)
+    expected = integrate_windows(motion.time, motion.twist, start - match.delay, WINDOW_S)
     # Translations as x + i y
-    translation, expected_translation = motion @ [1, 1j, 0], expected @ [1, 1j, 0]
-    turn, expected_turn = motion[:, 2], expected[:, 2]
+    translation, expected_translation = measured @ [1, 1j, 0], expected @ [1, 1j, 0]
+    turn, expected_turn = measured[:, 2], expected[:, 2]
     axes_rotation = 1.0 if np.isnan(match.angle) else np.exp(1j * match.angle)
     translation_error = abs(translation - axes_rotation * expected_translation)
     turn_error = abs(turn - expected_turn)

@@ -12,7 +12,12 @@ from scipy.interpolate import BSpline, make_interp_spline
 
 from omni_control.errors import OmniError
 from omni_control.kinematics import Array
-from omni_mj.studies.identify.robot_logs import MAX_GAP_PERIODS, RobotLog, integrate_inputs
+from omni_mj.studies.identify.robot_logs import (
+    MAX_GAP_PERIODS,
+    RobotLog,
+    has_pose,
+    integrate_inputs,
+)
 
 SEGMENT_S = 0.75  # duration of a segment
 MIN_SEGMENTS = 4  # of all logs together
@@ -95,7 +100,7 @@ def cut_segments(logs: Sequence[RobotLog], source: str) -> LogSegments:
     """
     pose_lines = []
     for log in logs:
-        lines = np.flatnonzero(np.isfinite(log.pose).all(1))
+        lines = np.flatnonzero(has_pose(log.pose))
         pose_lines.append(
             lines[:: max(1, int(MIN_SAMPLE_PERIOD_S / np.median(np.diff(log.time[lines]))))]
         )

@@ -126,27 +126,23 @@ class Fit:
     """Result of a fit.
 
     Attributes:
-        free: Names of the n fitted parameters.
+        problem: The problem that was solved.
+        values: Values of the n fitted parameters, (n,).
         covariance: Covariance of the fitted parameters, (n, n); huge for parameters that the data
             do not determine, before a prior is applied.
         misfit_ratio: Ratio by which a misfit enlarges standard errors, at least 1.
-        parameters: All parameters by name; see `RobotDynamics.nominal_parameters`.
         quantile: Half width of a 95 % interval over the standard error, by Student's t.
         at_bound: Names of the fitted parameters that stopped at a bound.
         residuals: Residuals of "positions" in m and "headings" in rad.
-        dynamics: The robot.
-        segments: The segments.
     """
 
-    free: Sequence[str]
+    problem: "ProjectedProblem"
+    values: Array
     covariance: Array
     misfit_ratio: float
-    parameters: Parameters
     quantile: float
     at_bound: frozenset[str]
     residuals: dict[str, Residuals]
-    dynamics: RobotDynamics
-    segments: LogSegments
 
     @property
     def misfit(self) -> bool:
@@ -154,16 +150,15 @@ class Fit:
         return any(residuals.misfit for residuals in self.residuals.values())
 
     @property
-    def values(self) -> Array:
-        """Values of the fitted parameters, (n,)."""
-        return np.array([self.parameters[name] for name in self.free])
+    def parameters(self) -> Parameters:
+        """All parameters by name; see `RobotDynamics.nominal_parameters`."""
+        return self.problem.parameters(self.values)
 
     def with_prior(self, prior: Prior) -> "Fit":
         """Return the fit combined with a prior. A misfit enlarges standard errors only."""
         values = prior.combine(self.values, self.covariance)[0]
         covariance = prior.combine(self.values, self.misfit_ratio**2 * self.covariance)[1]
-        parameters = self.parameters | dict(zip(self.free, values.tolist(), strict=True))
-        return replace(self, parameters=parameters, covariance=covariance)
+        return replace(self, values=values, covariance=covariance)
 
 
 class ProjectedProblem:
@@ -288,15 +283,13 @@ def fit_parameters(
     is_low = x < problem.low + 2e-3 * problem.scale
     is_high = x > problem.high - 2e-3 * problem.scale
     return Fit(
-        free=free,
+        problem=problem,
+        values=x,
         covariance=robust_covariance(problem.jacobian, residual),
         misfit_ratio=max([1.0, *(r.persistent / r.allowed for r in misfits)]),
-        parameters=problem.parameters(x),
         quantile=float(stdtrit(len(segments) - 1, 0.975)),
         at_bound=frozenset(np.array(free)[is_low | is_high].tolist()),
         residuals=residuals,
-        dynamics=dynamics,
-        segments=segments,
     )
 
 

@@ -123,6 +123,11 @@ def read_logs(file: Path | str) -> list[RobotLog]:
     return logs
 
 
+def has_pose(pose: Array) -> np.ndarray:
+    """Return whether each line has a pose, (F,), for poses (F, 3)."""
+    return np.asarray(np.isfinite(pose).all(1))
+
+
 def integrate_inputs(time: Array, inputs: Array) -> BSpline:
     """Return the integral of inputs (F, K) as a function of time.
 

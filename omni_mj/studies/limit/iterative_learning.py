@@ -38,8 +38,7 @@ RHO = 2e-8  # weight of command changes, s^2
 # Penalties of ADMM on commands and their changes, s^2; they only affect the speed of convergence
 COMMAND_PENALTY, CHANGE_PENALTY = 2e-5, 2e-4
 
-# Function that maps extrapolated poses, sent headings and last commands to commands
-CommandFunction = Callable[[Array, Array, Array], Array]
+CommandFunction = Callable[[Observation], Array]
 INITIAL_CONTROLLERS = ("comp-flc", "adaptive-comp-flc")  # learning starts from their best run
 # Rows that apply the optimized change: fraction of it, and command weight of the regulator, s^2
 OPTIMIZED_ROWS = tuple(product((1.0, 0.3), (0.03, 0.003)))
@@ -99,15 +98,8 @@ class Runs:
 
 def controller_from_function(label: str, function: CommandFunction) -> type[Controller]:
     """Return a controller class, named `label`, that sends the commands of a function."""
-
-    def command(self: Controller, frame: int, observation: Observation) -> Array:
-        return function(
-            observation.extrapolated_pose,
-            observation.pose[:, 2],
-            observation.sent_commands.get_latest(1)[0],
-        )
-
-    return type(label, (Controller,), {"command": command})
+    attributes = {"command": lambda self, frame, observation: function(observation)}
+    return type(label, (Controller,), attributes)
 
 
 def run_function(
@@ -165,13 +157,10 @@ def learn_run(
         poses = best.poses + fractions * (predicted[:, None] - best.errors)
         tracker = RunTracker(model, commands, poses, scenario, feedback)
         exploration = _draw_changes(random, n_frames, len(feedback))
-        changes = iter(np.where(fractions == 0, exploration, 0.0))
-        runs = run_function(
-            scenario,
-            [seed] * len(feedback),
-            lambda *observed, tracker=tracker, changes=changes: tracker(*observed) + next(changes),
-            start_progress(f"trial {trial + 1}", n_frames),
-        )
+        changes = np.where(fractions == 0, exploration, 0.0)
+        function = _explore(tracker, changes)
+        after_frame = start_progress(f"trial {trial + 1}", n_frames)
+        runs = run_function(scenario, [seed] * len(feedback), function, after_frame)
         model = _refit_model(model, reference, runs)
         candidate = runs.best
         improvement = float((best.cost - candidate.cost)[0])
@@ -248,6 +237,12 @@ def _initial_run(scenario: Scenario, after_frame: AfterFrame) -> Runs:
             f"no controller reaches the end of {scenario.name!r}, so there is nothing to learn from"
         )
     return best
+
+
+def _explore(tracker: CommandFunction, changes: Array) -> CommandFunction:
+    """Return a function that adds changes (F, n, 3) to the commands of a tracker."""
+    changes_by_frame = iter(changes)
+    return lambda observation: tracker(observation) + next(changes_by_frame)
 
 
 def _draw_changes(random: np.random.Generator, n_frames: int, n_rows: int) -> Array:

@@ -201,7 +201,7 @@ def _learn_and_compare(
     commands = iter(run.sent)
     controllers: list[ControllerSpec] = [
         controller_from_function(LIMIT, tracker),
-        controller_from_function(WITHOUT_NOISE, lambda *observed: next(commands)),
+        controller_from_function(WITHOUT_NOISE, lambda observation: next(commands)),
         *names,
     ]
     runs = [(LIMIT, seed, scenario.settings) for seed in seeds]

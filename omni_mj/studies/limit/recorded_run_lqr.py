@@ -14,10 +14,12 @@ optimal for a robot with dead time (D. L. Kleinman, IEEE Trans. Automatic Contro
 """
 
 from collections.abc import Sequence
+from functools import cache
 from typing import NamedTuple
 
 import numpy as np
 
+from omni_control.controllers.base import Observation
 from omni_control.kinematics import Array, compute_pose_error, wrap_angle
 from omni_mj.config import PERIOD_S
 from omni_mj.config.faults import WHEELED_PLANTS
@@ -92,35 +94,35 @@ class RunTracker:
         self._heading_gain = has_firmware * PERIOD_S * firmware.heading_gain
         self._bias_gain = has_firmware * PERIOD_S * firmware.gyro_bias_gain
         self._bias_effect = has_firmware / (1 + firmware.turn_rate_gain)
-        position_noise = max(settings.vision.position_noise_m, MIN_NOISE)
-        heading_noise = max(settings.vision.heading_noise_rad, MIN_NOISE)
-        self._vision_covariance = np.diag(
-            np.square([position_noise, position_noise, heading_noise])
-        )
+        vision = settings.vision
+        vision_noise = [vision.position_noise_m, vision.position_noise_m, vision.heading_noise_rad]
+        self._vision_covariance = np.diag(np.maximum(vision_noise, MIN_NOISE) ** 2)
         noise, speed_error_sigma, self._speed_error_decay = _process_noise(scenario)
         self._noise = np.array(
             [np.where(IS_TUNED, robot.noise_factor, 1.0) * noise for robot in feedback]
         )
-        weights = {robot.weight for robot in feedback}
-        regulators = {weight: regulator_gains(model, weight) for weight in weights}
-        self._gains = np.stack([regulators[robot.weight] for robot in feedback], axis=1)
+        gains = [
+            np.pad(regulator_gains(model, robot.weight), padding, "edge") for robot in feedback
+        ]
+        self._gains = np.stack(gains, axis=1)
         self._state = np.zeros((n, N_STATES))
         self._covariance = np.zeros((n, N_STATES, N_STATES))
         self._covariance[:, BIAS, BIAS] = has_firmware * settings.sensors.gyro_bias_rad_s**2
         self._covariance[:, SPEED_ERROR, SPEED_ERROR] = speed_error_sigma**2 * np.eye(3)
 
-    def __call__(self, measured: Array, heading: Array, last_command: Array) -> Array:
-        """Return the commands to send in this frame, before the limits, (n, 3).
-
-        The arguments are those of `predict`.
-        """
-        predicted, frame = self.predict(measured, heading, last_command), self._frame
-        effective_frame, now = frame + self._delay, frame + self._offset
+    def __call__(self, observation: Observation) -> Array:
+        """Return the commands to send in this frame, before the limits, (n, 3)."""
+        predicted = self.predict(
+            observation.extrapolated_pose,
+            observation.pose[:, 2],
+            observation.sent_commands.get_latest(1)[0],
+        )
+        effective_frame, now = self._frame + self._delay, self._frame + self._offset
         last_sent = self._sent[now - 1]
         last_change = last_sent - self._commands[now - 1]
         last_effect = last_change + self._disturbance(predicted, last_sent, effective_frame)
         state = np.concatenate([predicted[:, POSE], predicted[:, VELOCITY], last_effect], axis=1)
-        feedback = (self._gains[frame] * state[:, None]).sum(-1)
+        feedback = (self._gains[effective_frame] * state[:, None]).sum(-1)
         desired = command = self._commands[now] - feedback
         for _ in range(INVERSION_ITERATIONS):
             command = desired - self._disturbance(predicted, command, effective_frame)
@@ -253,6 +255,7 @@ def _process_noise(scenario: Scenario) -> tuple[Array, float, float]:
     return deviations, speed_error_sigma, decay
 
 
+@cache  # robots share weights
 def regulator_gains(model: DeviationModel, weight: float) -> Array:
     """Compute the gains of the time-varying linear quadratic regulator.
 
@@ -264,13 +267,13 @@ def regulator_gains(model: DeviationModel, weight: float) -> Array:
         weight: Weight of commands, s^2.
 
     Returns:
-        K (F, 3, 9) of du(k) = -K(k) [dp, dv, du(k-1)]. Here dp and dv are the deviations in the
-        frame in which du(k) takes effect.
+        K (F, 3, 9) of du = -K [dp, dv, du of the frame before], by the frame in which du takes
+        effect. Here dp and dv are the deviations in that frame.
     """
     state_cost, command_cost = np.zeros((9, 9)), weight * np.diag(SCALE**2)
     state_cost[POSE, POSE] = np.diag(SCALE**2)
     gains, cost = np.zeros((model.frames, 3, 9)), state_cost
-    for k in range(model.frames - 1, model.delay - 1, -1):
+    for k in reversed(range(model.frames)):
         transition, effect = np.zeros((9, 9)), np.zeros((9, 3))
         transition[VELOCITY, VELOCITY] = model.velocity[k]
         transition[VELOCITY, 6:] = model.command[1, k]
@@ -279,9 +282,6 @@ def regulator_gains(model: DeviationModel, weight: float) -> Array:
         effect[VELOCITY], effect[6:] = model.command[0, k], np.eye(3)
         effect[POSE] = PERIOD_S * effect[VELOCITY]
         command_hessian = command_cost + effect.T @ cost @ effect
-        gain = np.linalg.solve(command_hessian, effect.T @ cost @ transition)
-        cost = state_cost + transition.T @ cost @ (transition - effect @ gain)
-        gains[k - model.delay] = gain
-    # Commands of the last frames act after the run: they keep the last gain.
-    gains[max(model.frames - model.delay, 0) :] = gains[max(model.frames - model.delay - 1, 0)]
+        gains[k] = np.linalg.solve(command_hessian, effect.T @ cost @ transition)
+        cost = state_cost + transition.T @ cost @ (transition - effect @ gains[k])
     return gains

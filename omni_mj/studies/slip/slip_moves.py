@@ -12,15 +12,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from omni_control.controllers.base import Controller
 from omni_control.kinematics import Array, world_to_body
 from omni_mj.config import PERIOD_S
-from omni_mj.config.rows import build_single_robot_rows
 from omni_mj.config.scenario import Scenario
 from omni_mj.plants.mujoco_plant import MujocoPlant
 from omni_mj.results.result import Outcome
 from omni_mj.simulation.simulation import Simulation
-from omni_mj.studies.open_loop import open_loop_settings, run_open_loop
+from omni_mj.studies.open_loop import build_open_loop, open_loop_settings, run_open_loop
 from omni_mj.studies.run_scenario import StartProgress
 
 AXES = ("forward", "sideways", "turning")
@@ -138,9 +136,9 @@ def record_moves(
     frames = max(move.frames for move in moves) + 1
     settings = open_loop_settings(scenario.settings, frames)
     scenario = scenario.replace(settings=settings, plant="mujoco", paper_table=0, seeds=1)
-    runs = [(Controller.__name__, scenario.seed + i, settings) for i in range(len(moves))]
-    rows = build_single_robot_rows(runs, scenario.robot)
-    simulation = Simulation(scenario, [Controller], rows=rows)
+    simulation = build_open_loop(
+        scenario, [(scenario.seed + i, settings) for i in range(len(moves))]
+    )
     commands = _command_moves(simulation, moves, frames)
     after_frame = start_progress(scenario.name, frames)
     outcome = run_open_loop(simulation.scenario, simulation, commands, after_frame)

@@ -4,34 +4,26 @@ The rows of a shard are stored as soon as it is done, so a sweep that was stoppe
 resumed.
 """
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from concurrent.futures import Executor
 from contextlib import nullcontext
-from dataclasses import dataclass, replace
-from functools import cached_property, partial
-from operator import attrgetter
+from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pyarrow as pa
 
 from omni_control.arguments import check_types
 from omni_control.errors import OmniError
 from omni_mj.config.plugins import ControllerSpec
-from omni_mj.config.rows import build_rows
 from omni_mj.config.scenario import Scenario
 from omni_mj.io import parquet
 from omni_mj.io.atomic_files import check_folder, create_folder, lock_folder, write_json, write_text
-from omni_mj.results.metrics import row_metrics
 from omni_mj.results.provenance import check_unchanged, save_provenance
-from omni_mj.results.result import list_row_columns
-from omni_mj.simulation.simulation import Simulation
 from omni_mj.studies.run_scenario import (
-    AfterFrame,
     StartProgress,
     StoppedError,
-    ignore_frame,
     no_progress,
     resolve_scenario,
 )
@@ -41,7 +33,12 @@ from omni_mj.studies.sweep.sweep_statistics import (
     summarize_points,
     worst_runs,
 )
-from omni_mj.studies.sweep.workers import dependencies, process_pool, run_shards
+from omni_mj.studies.sweep.workers import (
+    dependencies,
+    process_pool,
+    run_shards,
+    run_shards_on_workers,
+)
 
 STUDY, ROWS, SHARDS = "sweep", "rows.parquet", "shards"
 
@@ -158,20 +155,14 @@ def run_sweep(
     expected = dependencies(plan)
     stored = stored_shards(plan, folder)
     remaining = sorted(set(plan.shards) - set(stored))
-    after_sweep_frame = start_progress("sweep", plan.frames * len(remaining))
-    n_stored = 0  # shards stored since the start
-
-    def after_frame(frame: int) -> None:
-        after_sweep_frame(n_stored * plan.frames + frame)
-
+    after_frame = start_progress("sweep", plan.frames * len(remaining))
+    n_done = len(stored)
     try:
         with nullcontext(executor) if executor or jobs == 1 else process_pool(jobs) as workers:
-            shard_tables: Iterator[tuple[Shard, pa.Table]]
             if workers is None:
-                shard_tables = ((shard, run_shard(plan, shard, after_frame)) for shard in remaining)
+                shard_tables = run_shards(plan, remaining, after_frame)
             else:
-                check = partial(after_frame, -1)
-                shard_tables = run_shards(workers, run_shard, plan, remaining, check)
+                shard_tables = run_shards_on_workers(workers, plan, remaining, after_frame)
             for shard, rows in shard_tables:
                 if dependencies(plan) != expected:
                     raise OmniError(
@@ -179,61 +170,12 @@ def run_sweep(
                         f"sweep; the completed shards in {folder} are of the former file"
                     )
                 parquet.write_tables([rows], _shard_file(folder, shard))
-                n_stored += 1
-                after_frame(-1)
+                n_done += 1
     except StoppedError as error:
         stopped = str(error)
-    n_done = len(stored) + n_stored
     result = SweepResult(plan, n_done, stopped, folder)
     _write_result(result)
     return result
-
-
-def create_simulation(plan: SweepPlan, shard: Shard) -> Simulation:
-    """Return the simulation of a shard at its start, with a world for each run and controller.
-
-    Raises:
-        OmniError: A value that a seed draws is not valid.
-    """
-    points = dict.fromkeys(point for point, _ in shard.runs)
-    scenarios = {point: plan.scenario_at(point) for point in points}
-    rows, world_index = [], -1
-    for point, seed in shard.runs:
-        scenario = scenarios[point]
-        for row in build_rows(scenario.labels, [seed], scenario.settings_for_seed, scenario.robot):
-            world_index += row.slot == 0
-            rows.append(replace(row, world_index=world_index))
-    return Simulation(scenarios[shard.runs[0][0]], rows=rows)
-
-
-def run_shard(plan: SweepPlan, shard: Shard, after_frame: AfterFrame = ignore_frame) -> pa.Table:
-    """Simulate a shard and compute the metrics of its rows.
-
-    Args:
-        plan: Plan of the sweep.
-        shard: The shard.
-        after_frame: Called with each frame's number. If it raises an exception, the shard is
-            discarded.
-
-    Returns:
-        A row per robot: `point`, the settings that vary, `controller`, `seed`, `slot`,
-        `failed_at_s`, `cause`, the settings that were drawn, and the numbers of
-        `metrics.row_metrics`. Errors are infinite for a robot that failed.
-    """
-    simulation = create_simulation(plan, shard)
-    log = simulation.run(after_frame)
-    # The team refers to the simulation. This cycle would keep the log and double the memory.
-    del simulation.team
-    rows = simulation.rows
-    rows_per_run = len(rows) // len(shard.runs)
-    points = np.repeat([point for point, _ in shard.runs], rows_per_run).astype(np.int32)
-    columns: dict[str, object] = {"point": points}
-    values = [plan.values_at(point) for point in points.tolist()]
-    columns |= {name: [point_values[name] for point_values in values] for name in plan.axes}
-    columns |= list_row_columns(rows, simulation.failures)
-    for name in sorted(set(plan.scenario.distributions) - set(plan.axes)):
-        columns[name] = [attrgetter(name)(row.settings) for row in rows]
-    return pa.table(columns | row_metrics(log, simulation.failures))
 
 
 def _prepare_folder(plan: SweepPlan, folder: Path, command: str | None) -> None:

@@ -1,47 +1,116 @@
-"""Run shards in parallel, on this machine or on a Dask cluster. Only the caller writes files."""
+"""Run shards in this process, in others, or on a Dask cluster. Only the caller writes files."""
 
 import multiprocessing
 import os
 import signal
 import sys
 import warnings
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from concurrent.futures import Executor, Future, ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
+from dataclasses import replace
+from operator import attrgetter
 from queue import Empty, SimpleQueue
 from threading import Thread
 from typing import Any
 
+import numpy as np
 import pyarrow as pa
 
 from omni_control.errors import OmniError
 from omni_control.install_hints import describe_installation
+from omni_mj.config.rows import build_rows
+from omni_mj.results.metrics import row_metrics
 from omni_mj.results.provenance import describe_scenarios, sha256, source_digest
+from omni_mj.results.result import list_row_columns
 from omni_mj.results.summary import package_versions
-from omni_mj.studies.run_scenario import quiet_mujoco
+from omni_mj.simulation.simulation import Simulation
+from omni_mj.studies.run_scenario import AfterFrame, ignore_frame, quiet_mujoco
 from omni_mj.studies.sweep.sweep_plan import Shard, SweepPlan
 
-POLL_S = 0.2  # interval of calls to `check`
+POLL_S = 0.2  # interval of calls to `after_frame`
 SCHEDULER_TIMEOUT_S = 10.0
-RunShard = Callable[[SweepPlan, Shard], pa.Table]
 
 
 def run_shards(
-    executor: Executor,
-    run_shard: RunShard,
-    plan: SweepPlan,
-    shards: Sequence[Shard],
-    check: Callable[[], None],
+    plan: SweepPlan, shards: Sequence[Shard], after_frame: AfterFrame
+) -> Iterator[tuple[Shard, pa.Table]]:
+    """Run shards in this process, and yield each shard's table as soon as it is done.
+
+    Args:
+        plan: Plan of the sweep.
+        shards: Shards to run.
+        after_frame: Called with the number of each frame, counted over all shards. Its exceptions
+            end the iteration.
+    """
+    for i, shard in enumerate(shards):
+        yield shard, run_shard(plan, shard, _count_from(i * plan.frames, after_frame))
+
+
+def _count_from(start: int, after_frame: AfterFrame) -> AfterFrame:
+    """Return a callback that adds a number to each frame's number."""
+    return lambda frame: after_frame(start + frame)
+
+
+def run_shard(plan: SweepPlan, shard: Shard, after_frame: AfterFrame = ignore_frame) -> pa.Table:
+    """Simulate a shard and compute the metrics of its rows.
+
+    Args:
+        plan: Plan of the sweep.
+        shard: The shard.
+        after_frame: Called with each frame's number. If it raises an exception, the shard is
+            discarded.
+
+    Returns:
+        A row per robot: `point`, the settings that vary, `controller`, `seed`, `slot`,
+        `failed_at_s`, `cause`, the settings that were drawn, and the numbers of
+        `metrics.row_metrics`. Errors are infinite for a robot that failed.
+    """
+    simulation = create_simulation(plan, shard)
+    log = simulation.run(after_frame)
+    # The team refers to the simulation. This cycle would keep the log and double the memory.
+    del simulation.team
+    rows = simulation.rows
+    rows_per_run = len(rows) // len(shard.runs)
+    points = np.repeat([point for point, _ in shard.runs], rows_per_run).astype(np.int32)
+    columns: dict[str, object] = {"point": points}
+    values = [plan.values_at(point) for point in points.tolist()]
+    columns |= {name: [point_values[name] for point_values in values] for name in plan.axes}
+    columns |= list_row_columns(rows, simulation.failures)
+    for name in sorted(set(plan.scenario.distributions) - set(plan.axes)):
+        columns[name] = [attrgetter(name)(row.settings) for row in rows]
+    return pa.table(columns | row_metrics(log, simulation.failures))
+
+
+def create_simulation(plan: SweepPlan, shard: Shard) -> Simulation:
+    """Return the simulation of a shard at its start, with a world for each run and controller.
+
+    Raises:
+        OmniError: A value that a seed draws is not valid.
+    """
+    points = dict.fromkeys(point for point, _ in shard.runs)
+    scenarios = {point: plan.scenario_at(point) for point in points}
+    rows, world_index = [], -1
+    for point, seed in shard.runs:
+        scenario = scenarios[point]
+        for row in build_rows(scenario.labels, [seed], scenario.settings_for_seed, scenario.robot):
+            world_index += row.slot == 0
+            rows.append(replace(row, world_index=world_index))
+    return Simulation(scenarios[shard.runs[0][0]], rows=rows)
+
+
+def run_shards_on_workers(
+    executor: Executor, plan: SweepPlan, shards: Sequence[Shard], after_frame: AfterFrame
 ) -> Iterator[tuple[Shard, pa.Table]]:
     """Run shards in other processes and yield each shard's table as soon as it is done.
 
     Args:
         executor: Executor of the processes.
-        run_shard: Function that runs one shard of a plan.
         plan: Plan of the sweep.
         shards: Shards to run.
-        check: Called every `POLL_S`; its exceptions end the iteration.
+        after_frame: Called every `POLL_S` with the number of the last frame of the shards that are
+            done. Its exceptions end the iteration.
 
     Raises:
         OmniError: A shard cannot be run, a process was killed, or a worker has other versions of
@@ -51,11 +120,11 @@ def run_shards(
     done = SimpleQueue[Future[pa.Table]]()
     pending: dict[Future[pa.Table], Shard] = {}
     for shard in shards:
-        future = executor.submit(_run_on_worker, run_shard, plan, shard, expected)
+        future = executor.submit(_run_on_worker, plan, shard, expected)
         pending[future] = shard
         future.add_done_callback(done.put)
     while pending:
-        check()
+        after_frame((len(shards) - len(pending)) * plan.frames - 1)
         try:
             future = done.get(timeout=POLL_S)
         except Empty:
@@ -64,7 +133,7 @@ def run_shards(
         try:
             yield shard, future.result()
         except BrokenProcessPool:
-            check()  # a signal to all processes is the reason
+            after_frame(-1)  # a signal to all processes is the reason
             raise OmniError(
                 "a process of --jobs was killed, perhaps for lack of memory; completed shards "
                 "are saved: to resume, repeat the command with fewer --jobs"
@@ -74,11 +143,10 @@ def run_shards(
         except Exception as error:
             reason = f"{type(error).__name__}: {error}"
             raise OmniError(f"a worker could not run shard {shard.number}: {reason}") from error
+    after_frame(len(shards) * plan.frames - 1)
 
 
-def _run_on_worker(
-    run_shard: RunShard, plan: SweepPlan, shard: Shard, expected: dict[str, str]
-) -> pa.Table:
+def _run_on_worker(plan: SweepPlan, shard: Shard, expected: dict[str, str]) -> pa.Table:
     """Run a shard if this worker has the expected versions of packages, source and files.
 
     Raises:
