@@ -8,9 +8,10 @@ import os
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+import pyarrow as pa
 
 from omni_control.arguments import check_types
 from omni_control.errors import OmniError
@@ -44,9 +45,6 @@ from omni_mj.studies.run_scenario import (
 from omni_mj.studies.sweep.sweep_plan import MODEL_AXIS, SWEEP_FILE, SweepPlan, check_axes
 from omni_mj.studies.sweep.sweep_study import SweepResult, merge_rows, stored_shards
 from omni_mj.studies.sweep.workers import run_shards
-
-if TYPE_CHECKING:
-    import pyarrow as pa
 
 REPEATABLE_STUDIES = ("run", "compare", "sweep")
 # Keys of a scenario's entry in summary.json that depend on the frames
@@ -114,9 +112,8 @@ def verify(
     record = read_json(path / PROVENANCE_FILE)
     try:
         _check_record(path, record)
-        saved_run = _SavedRun(path, record, allow_code)
         repeat = _repeat_sweep if record["study"] == "sweep" else _repeat_runs
-        result = repeat(saved_run, start_progress)
+        result = repeat(_SavedRun(path, record, allow_code), start_progress)
     except OmniError:
         raise
     # Keys and values that no run writes
@@ -164,7 +161,10 @@ class _SavedRun:
             OmniError: A file is missing or was changed, code is not allowed, or this version cannot
                 run the scenario.
         """
-        self._check_settings(self.path / file, settings)
+        content = toml_files.read_toml(self.path / file)
+        saved_sections = {key: content[key] for key in content if key not in TOP_LEVEL_FIELDS}
+        if changes := list_changes(settings, saved_sections, [*settings, *saved_sections]):
+            raise OmniError(f"{self.path / file} was changed after the run: {changes[0]}")
         entry = self.record["scenarios"][name]
         top_level = {
             "controllers": [self._find_class(item) for item in entry["controllers"]],
@@ -196,13 +196,6 @@ class _SavedRun:
         if not copy.is_file() or sha256(copy.read_bytes()) != item["sha256"]:
             raise OmniError(f"{copy} is missing, or was changed after the run: its SHA-256 differs")
         return str(copy)
-
-    def _check_settings(self, file: Path, settings: Mapping[str, Any]) -> None:
-        """Raise OmniError if the settings in a scenario's file are not those that were run."""
-        content = toml_files.read_toml(file)
-        sections = {key: content[key] for key in content if key not in TOP_LEVEL_FIELDS}
-        if changes := list_changes(settings, sections, [*settings, *sections]):
-            raise OmniError(f"{file} was changed after the run: {changes[0]}")
 
     def _find_class(self, item: Mapping[str, Any]) -> str:
         """Return the name of a built-in class, or the class path of a copy."""
@@ -263,10 +256,8 @@ def _repeat_sweep(saved_run: _SavedRun, start_progress: StartProgress) -> Verify
     after_frame = start_progress("sweep", plan.frames * len(shards))
     shard_tables = [rows for _, rows in run_shards(plan, shards, after_frame)]
     saved_rows, repeated_rows = saved.rows(), merge_rows(plan, shard_tables)
-    if MODEL_AXIS in saved_rows.column_names:  # paths, which differ from those of the copies
-        saved_rows, repeated_rows = (
-            rows.drop_columns(MODEL_AXIS) for rows in (saved_rows, repeated_rows)
-        )
+    if MODEL_AXIS in axes:  # paths, which differ from those of the copies
+        saved_rows = saved_rows.drop_columns(MODEL_AXIS)
     lines = [*_table_differences(saved_rows, repeated_rows)]
     lines += _number_differences(saved_summary, saved.summary, SWEEP_RESULT_KEYS)
     return VerifyResult(repeated_rows.num_rows, is_sweep=True, differences=lines)
@@ -303,7 +294,7 @@ def _run_as_saved(
     return run_simulation(simulation, after_frame)
 
 
-def _table_differences(saved: "pa.Table", repeated: "pa.Table") -> Iterator[str]:
+def _table_differences(saved: pa.Table, repeated: pa.Table) -> Iterator[str]:
     """Yield the differences of two trajectories or tables of rows, a line each. NaNs are equal."""
     saved, repeated = (_decode_controllers(rows) for rows in (saved, repeated))
     n_lines = min(saved.num_rows, repeated.num_rows)
@@ -335,7 +326,7 @@ def _table_differences(saved: "pa.Table", repeated: "pa.Table") -> Iterator[str]
         )
 
 
-def _decode_controllers(rows: "pa.Table") -> "pa.Table":
+def _decode_controllers(rows: pa.Table) -> pa.Table:
     """Return a table whose controllers are strings, without a dictionary."""
     index = rows.column_names.index("controller")
     return rows.set_column(index, "controller", rows["controller"].cast("string"))

@@ -214,6 +214,7 @@ def test_files_that_are_no_tables_give_one_line(tmp_path: Path) -> None:
         (header, "Empty CSV"),
         (f"{header}\n{row}\n", "1 times are too few"),
         (f"{row}\n{row}\n", "column time_s is missing"),
+        ("x [mm]\n0\n", "column time_s is missing"),
         (f"{header}\n{row}\n1,2\n", "Expected 7 columns, got 2"),
         (f"{header},x_m\n{row},0\n", "column x_m is there twice"),
         (f"{header}\n{row}\n".replace("y_m", "y_n"), "did you mean 'y_n'?"),

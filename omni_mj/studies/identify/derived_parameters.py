@@ -142,14 +142,14 @@ def find_missing_excitation(twists: Sequence[Array], periods: Sequence[float]) -
         "forward", "sideways" and "turning".
     """
     rms = np.sqrt((np.concatenate(twists) ** 2).mean(0))
-    accelerations, speeds, durations = [], [], []
+    samples = []
     for twist, period in zip(twists, periods, strict=True):
         window = max(1, round(0.1 / period))
         change = twist[window:, :2] - twist[:-window, :2]
-        accelerations.append(np.hypot(*change.T) / (window * period))
-        speeds.append(np.hypot(*twist[window:, :2].T))
-        durations.append(np.full(len(change), period))
-    acceleration, speed, duration = map(np.concatenate, (accelerations, speeds, durations))
+        accelerations = np.hypot(*change.T) / (window * period)
+        speeds = np.hypot(*twist[window:, :2].T)
+        samples.append([accelerations, speeds, np.full(len(change), period)])
+    acceleration, speed, duration = np.concatenate(samples, axis=1)
     reasons = {}
     if np.hypot(*rms[:2]) < MIN_RMS_M_S / 2 and rms[2] < MIN_RMS_RAD_S / 2:
         reasons["motion"] = "the robot does not move"

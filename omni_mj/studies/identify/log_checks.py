@@ -181,12 +181,10 @@ def _check_axes(log: RobotLog, motion: LoggedMotion, match: Match) -> None:
 
 def match_motion(motion: LoggedMotion) -> Match:
     """Return the agreement between inputs and poses at the best delay."""
-    start, measured = compute_displacements(motion)
+    start, displacements = compute_displacements(motion)
     delays = DELAYS_S[motion.source]
-    expected = integrate_windows(motion.time, motion.twist, start - delays[:, None], WINDOW_S)
-    # Translation as x + i y, and rotation
-    measured = np.stack([measured @ [1, 1j, 0], measured[:, 2]])
-    expected = np.stack([expected @ [1, 1j, 0], expected[..., 2]], axis=1)
+    integrals = integrate_windows(motion.time, motion.twist, start - delays[:, None], WINDOW_S)
+    measured, expected = to_complex(displacements), to_complex(integrals)
     products = np.sum(measured * expected.conj(), 2)
     expected_power = np.sum(abs(expected) ** 2, 2)
     power = np.sum(abs(measured) ** 2, 1)
@@ -204,6 +202,11 @@ def match_motion(motion: LoggedMotion) -> Match:
         angle=float(np.angle(products[best, 0])) if is_present[0] else np.nan,
         ratios=(float(ratios[0]), float(ratios[1])),
     )
+
+
+def to_complex(displacements: Array) -> np.ndarray:
+    """Return displacements (..., n, 3) as translations x + i y and rotations, (..., 2, n)."""
+    return np.stack([displacements @ [1, 1j, 0], displacements[..., 2]], axis=-2)
 
 
 def compute_displacements(motion: LoggedMotion, window: float = WINDOW_S) -> tuple[Array, Array]:

@@ -9,6 +9,7 @@ from omni_mj.studies.identify.log_checks import (
     LoggedMotion,
     compute_displacements,
     match_motion,
+    to_complex,
 )
 from omni_mj.studies.identify.robot_logs import (
     MAX_GAP_PERIODS,
@@ -26,7 +27,8 @@ JUMP_RAD, JUMP_RAD_S = 1.0, 30.0
 MAX_JUMP_FRACTION = 0.05
 # Displacements over this time are compared with the inputs. They may differ by a distance or angle,
 # plus a fraction of the displacement by the inputs.
-WINDOW_S, TOLERANCE_M, TOLERANCE_RAD, TOLERANCE_FRACTION = 0.5, 0.08, 0.4, 0.6
+WINDOW_S, TOLERANCE_FRACTION = 0.5, 0.6
+TOLERANCE = np.array([[0.08], [0.4]])  # m and rad
 # If more of the motion is not explained, the log is wrong, which `log_checks` reports.
 MAX_UNEXPLAINED_FRACTION = 0.5
 MARGIN_S = 0.1  # cut before and after
@@ -68,12 +70,10 @@ def discard_unexplained_poses(log: RobotLog, geometry: Kinematics) -> tuple[Robo
 
 
 def _mark_intervals(time: Array, start: Array, end: Array) -> np.ndarray:
-    """Return whether times (F,) are between starts and ends (n,), or in a margin, (F,)."""
+    """Return whether times (F,) are between sorted starts and ends (n,), or in a margin, (F,)."""
     margin = max(MARGIN_S, 2 * float(np.median(np.diff(time))))
-    changes = np.zeros(len(time) + 1)
-    np.add.at(changes, np.searchsorted(time, start - margin), 1)
-    np.add.at(changes, np.searchsorted(time, end + margin, "right"), -1)
-    return np.cumsum(changes)[:-1] > 0
+    n_started = np.searchsorted(start - margin, time, "right")
+    return np.asarray(n_started > np.searchsorted(end + margin, time))
 
 
 def _find_jumps(log: RobotLog) -> tuple[Array, Array]:
@@ -98,18 +98,12 @@ def _find_unexplained_windows(motion: LoggedMotion) -> Array:
     There are none if the inputs leave most of the motion unexplained.
     """
     match = match_motion(motion)
-    start, measured = compute_displacements(motion, WINDOW_S)
-    expected = integrate_windows(motion.time, motion.twist, start - match.delay, WINDOW_S)
-    # Translations as x + i y
-    translation, expected_translation = measured @ [1, 1j, 0], expected @ [1, 1j, 0]
-    turn, expected_turn = measured[:, 2], expected[:, 2]
-    axes_rotation = 1.0 if np.isnan(match.angle) else np.exp(1j * match.angle)
-    translation_error = abs(translation - axes_rotation * expected_translation)
-    turn_error = abs(turn - expected_turn)
-    max_translation_error = TOLERANCE_M + TOLERANCE_FRACTION * abs(expected_translation)
-    max_turn_error = TOLERANCE_RAD + TOLERANCE_FRACTION * abs(expected_turn)
-    is_unexplained = (translation_error > max_translation_error) | (turn_error > max_turn_error)
-    is_moving = (abs(translation) > TOLERANCE_M) | (abs(turn) > TOLERANCE_RAD)
+    start, displacements = compute_displacements(motion, WINDOW_S)
+    integrals = integrate_windows(motion.time, motion.twist, start - match.delay, WINDOW_S)
+    measured, expected = to_complex(displacements), to_complex(integrals)
+    expected[0] *= np.exp(1j * np.nan_to_num(match.angle))
+    is_unexplained = abs(measured - expected) > TOLERANCE + TOLERANCE_FRACTION * abs(expected)
+    is_unexplained, is_moving = is_unexplained.any(0), (abs(measured) > TOLERANCE).any(0)
     if is_unexplained.sum() > MAX_UNEXPLAINED_FRACTION * is_moving.sum():
         return np.empty(0)
     return start[is_unexplained]

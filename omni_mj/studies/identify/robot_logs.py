@@ -327,11 +327,11 @@ def _to_numbers(path: Path, columns: Columns, names: Sequence[str]) -> Array:
     Raises:
         OmniError: A column holds values that are not numbers.
     """
-    values = [np.zeros((len(columns["time_s"]), 0))]
+    values = []
     for name in names:
         try:
-            values.append(columns[name].cast("float64").to_numpy()[:, None])
+            values.append(columns[name].cast("float64").to_numpy())
         except pa.ArrowException as error:
             reason = to_printable(str(error), 200)
             raise OmniError(f"{path.name}: column {name} must hold numbers: {reason}") from None
-    return np.concatenate(values, axis=1)
+    return np.column_stack(values)

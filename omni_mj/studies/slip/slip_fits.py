@@ -68,9 +68,7 @@ def fit_moves(
         inertia: Yaw inertia that turns angular decelerations into drag torque, kg m^2.
     """
     move_axes = np.array([move.axis for move in moves])
-    directions = np.eye(3)[[AXES.index(axis) for axis in move_axes]] * np.sign(
-        [[move.speed] for move in moves]
-    )
+    directions = np.array([move.direction for move in moves])
     wheel_speeds = (record.wheel_twists * directions).sum(-1)
     body_speeds = (record.body_twists * directions).sum(-1)
     fitted = _fit_each_move(settings, moves, record, wheel_speeds, body_speeds)

@@ -53,6 +53,11 @@ class Move:
     rolls_out: bool
 
     @property
+    def direction(self) -> Array:
+        """Unit vector of the twist, (3,)."""
+        return np.sign(self.speed) * np.eye(3)[AXES.index(self.axis)]
+
+    @property
     def phase_times(self) -> tuple[float, float, float, float]:
         """Times at which ramp up, full speed and ramp down begin, and at which it ends, s."""
         ramp = abs(self.speed) / self.acceleration
@@ -72,7 +77,7 @@ class Move:
             PERIOD_S * np.arange(1, frames + 1), self.phase_times, [0.0, 1.0, 1.0, 0.0]
         )
         fraction[self.is_coasting(frames)] = 0.0
-        return self.speed * fraction[:, None] * np.eye(3)[AXES.index(self.axis)]
+        return abs(self.speed) * fraction[:, None] * self.direction
 
     def is_coasting(self, frames: int) -> np.ndarray:
         """Return whether the motors are off, for each frame, (frames,)."""

@@ -3,12 +3,12 @@
 Functions import scipy.stats, which takes a second, because processes that simulate do not need it.
 """
 
-from itertools import groupby
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pyarrow as pa
+import pyarrow.compute as pc
 
 from omni_mj.config.plugins import format_controller_spec
 from omni_mj.config.toml_files import format_toml_value
@@ -39,34 +39,32 @@ def summarize_points(all_rows: pa.Table, axes: list[str]) -> list[dict[str, Any]
     error of a robot that failed is infinite.
 
     Args:
-        all_rows: Rows of the sweep; those of a point and controller are adjacent.
+        all_rows: Rows of the sweep.
         axes: Names of the settings that vary.
 
     Returns:
         A dictionary for each point and controller; None stands for a number that is not finite.
     """
-    keys = list(zip(all_rows["point"].to_pylist(), all_rows["controller"].to_pylist(), strict=True))
-    statistics = []
-    for (point, controller), indices in groupby(range(len(keys)), keys.__getitem__):
-        rows = all_rows.take(list(indices))
-        values = {name: rows[name][0].as_py() for name in axes}
-        errors = {name: _error_statistics(rows[name].to_numpy()) for name in ERROR_COLUMNS}
-        statistics.append(
-            {"point": point, **values, "controller": controller} | _failure_rate(rows) | errors
-        )
-    return statistics
+    aggregations = [(name, "list") for name in (*ERROR_COLUMNS, "cause")]
+    groups = all_rows.group_by(["point", *axes, "controller"], use_threads=False)
+    return [
+        {name: group[name] for name in ("point", *axes, "controller")}
+        | _failure_rate(group["cause_list"])
+        | {name: _error_statistics(np.array(group[f"{name}_list"])) for name in ERROR_COLUMNS}
+        for group in groups.aggregate(aggregations).to_pylist()
+    ]
 
 
-def _failure_rate(rows: pa.Table) -> dict[str, Any]:
+def _failure_rate(causes: list[str | None]) -> dict[str, Any]:
     """Return the number of robots that failed, and the failure rate with its interval."""
     from scipy.stats import binomtest
 
-    n_failed = rows.num_rows - rows["cause"].null_count
-    interval = binomtest(n_failed, rows.num_rows).proportion_ci(CONFIDENCE, method="wilson")
+    n_robots, n_failed = len(causes), len(causes) - causes.count(None)
+    interval = binomtest(n_failed, n_robots).proportion_ci(CONFIDENCE, method="wilson")
     return {
-        "n_robots": rows.num_rows,
+        "n_robots": n_robots,
         "n_failed": n_failed,
-        "failure_rate": n_failed / rows.num_rows,
+        "failure_rate": n_failed / n_robots,
         "failure_low": float(interval.low),
         "failure_high": float(interval.high),
     }
@@ -96,13 +94,11 @@ def rank_correlations(all_rows: pa.Table) -> list[dict[str, Any]]:
     from scipy.stats import spearmanr
 
     correlations = []
-    controllers = all_rows["controller"].to_numpy(zero_copy_only=False)
     for controller in all_rows["controller"].unique().to_pylist():
-        rows = all_rows.take(np.flatnonzero(controllers == controller))
+        rows = all_rows.filter(pc.field("controller") == controller)
         for setting in (name for name in all_rows.column_names if "." in name):
             values = np.array(rows[setting].to_pylist())
-            is_varied = values.dtype.kind in "if" and np.ptp(values) > 0
-            if not is_varied:
+            if values.dtype.kind not in "if" or np.ptp(values) == 0:
                 continue
             correlation: dict[str, Any] = {"controller": controller, "setting": setting}
             for name in ERROR_COLUMNS:
@@ -139,8 +135,8 @@ def worst_runs(all_rows: pa.Table, plan: SweepPlan, folder: Path) -> list[dict[s
         for name in plan.axes:
             command += ["--set", f"{name}={format_toml_value(row[name])}"]
         run = {name: row[name] for name in columns}
-        run[MAX_ERROR] = finite_or_none(row[MAX_ERROR])
-        runs.append(run | {"repeat_command": join_words(command)})
+        error_m = finite_or_none(row[MAX_ERROR])
+        runs.append(run | {MAX_ERROR: error_m, "repeat_command": join_words(command)})
     return runs
 
 
