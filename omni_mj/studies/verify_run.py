@@ -46,6 +46,8 @@ from omni_mj.studies.sweep.sweep_plan import MODEL_AXIS, SWEEP_FILE, SweepPlan, 
 from omni_mj.studies.sweep.sweep_study import SweepResult, merge_rows, stored_shards
 from omni_mj.studies.sweep.workers import run_shards
 
+Record = Mapping[str, Any]  # object of a JSON file
+
 REPEATABLE_STUDIES = ("run", "compare", "sweep")
 # Keys of a scenario's entry in summary.json that depend on the frames
 RESULT_KEYS = ("failures", "drawn_parameters", "events", "results")
@@ -143,12 +145,10 @@ class _SavedRun:
     """
 
     path: Path
-    record: Mapping[str, Any]
+    record: Record
     allow_code: bool
 
-    def load_scenario(
-        self, file: str, name: str, settings: Mapping[str, Any], head: Mapping[str, Any]
-    ) -> Scenario:
+    def load_scenario(self, file: str, name: str, settings: Record, head: Record) -> Scenario:
         """Load a scenario as it was run.
 
         Args:
@@ -186,7 +186,7 @@ class _SavedRun:
                 self._find_copy(included_file)
         return [self._find_copy(model) for model in models]
 
-    def _find_copy(self, item: Mapping[str, Any]) -> str:
+    def _find_copy(self, item: Record) -> str:
         """Return the path of a copy, or raise OmniError if there is none in sources/."""
         if "not_copied" in item:
             raise OmniError(f"{item['name']} {item['not_copied']}")
@@ -197,7 +197,7 @@ class _SavedRun:
             raise OmniError(f"{copy} is missing, or was changed after the run: its SHA-256 differs")
         return str(copy)
 
-    def _find_class(self, item: Mapping[str, Any]) -> str:
+    def _find_class(self, item: Record) -> str:
         """Return the name of a built-in class, or the class path of a copy."""
         if "file" not in item and "not_copied" not in item:
             if is_class_path(item["name"]):
@@ -256,14 +256,14 @@ def _repeat_sweep(saved_run: _SavedRun, start_progress: StartProgress) -> Verify
     after_frame = start_progress("sweep", plan.frames * len(shards))
     shard_tables = [rows for _, rows in run_shards(plan, shards, after_frame)]
     saved_rows, repeated_rows = saved.rows(), merge_rows(plan, shard_tables)
-    if MODEL_AXIS in axes:  # paths, which differ from those of the copies
+    if MODEL_AXIS in saved_rows.column_names:  # paths, which differ from those of the copies
         saved_rows = saved_rows.drop_columns(MODEL_AXIS)
     lines = [*_table_differences(saved_rows, repeated_rows)]
     lines += _number_differences(saved_summary, saved.summary, SWEEP_RESULT_KEYS)
     return VerifyResult(repeated_rows.num_rows, is_sweep=True, differences=lines)
 
 
-def _check_record(path: Path, record: Mapping[str, Any]) -> None:
+def _check_record(path: Path, record: Record) -> None:
     """Raise `OmniError` if the study of a provenance.json cannot be repeated."""
     if record["format"] != PROVENANCE_FORMAT:
         raise OmniError(
@@ -277,9 +277,7 @@ def _check_record(path: Path, record: Mapping[str, Any]) -> None:
         )
 
 
-def _run_as_saved(
-    scenario: Scenario, entry: Mapping[str, Any], start_progress: StartProgress
-) -> Outcome:
+def _run_as_saved(scenario: Scenario, entry: Record, start_progress: StartProgress) -> Outcome:
     """Run a scenario for as many frames as the saved run."""
     simulation = Simulation(scenario)
     is_stopped = entry["status"] == "stopped"
@@ -339,9 +337,7 @@ def _compare_bits(old: np.ndarray, new: np.ndarray) -> np.ndarray:
     return (old.view(np.uint64) != new.view(np.uint64)) & ~(np.isnan(old) & np.isnan(new))
 
 
-def _number_differences(
-    saved: Mapping[str, Any], repeated: Mapping[str, Any], keys: Sequence[str]
-) -> Iterator[str]:
+def _number_differences(saved: Record, repeated: Record, keys: Sequence[str]) -> Iterator[str]:
     """Yield the differences of some keys of two summaries, a line for all.
 
     Results that only this version has are no differences.

@@ -36,6 +36,7 @@ from omni_mj.studies.alpha.operating_conditions import (
     DIRECTIONS,
     PROFILE,
     PROFILE_TEXT,
+    UNIT_VECTORS,
     WORN,
     WORN_TEXT,
     ConditionValues,
@@ -233,7 +234,7 @@ def _prepare_trials(scenario: Scenario, trials: Trials) -> tuple[Simulation, Arr
     # The last frame only records the pose that the last command led to.
     twists = np.zeros((1 + max(map(len, speeds)), len(trials), len(DIRECTIONS), 3))
     for i, speed in enumerate(speeds):
-        twists[: len(speed), i, :, :2] = speed[:, None, None] * np.array([*DIRECTIONS.values()])
+        twists[: len(speed), i, :, :2] = speed[:, None, None] * UNIT_VECTORS
     runs = [
         (scenario.seed, open_loop_settings(settings, len(twists), **UNDISTURBED))
         for settings, _ in trials
@@ -259,8 +260,8 @@ def _measure_responses(trials: Trials, positions: Array) -> RampResponse:
 
     The response of a robot that failed is NaN.
     """
-    directions = np.array([*DIRECTIONS.values()])
-    travelled = (positions.reshape(len(positions), -1, *directions.shape) * directions).sum(-1)
+    by_trial = positions.reshape(len(positions), len(trials), *UNIT_VECTORS.shape)
+    travelled = (by_trial * UNIT_VECTORS).sum(-1)
     responses = [
         measure_ramp_response(profile, travelled[: len(profile.command()) + 1, i])
         for i, (_, profile) in enumerate(trials)

@@ -35,6 +35,7 @@ DIRECTIONS = {  # of motion, unit vectors in the body frame
     "sideways": (0.0, 1.0),
     "diagonal": (0.5**0.5, 0.5**0.5),
 }
+UNIT_VECTORS = np.array(list(DIRECTIONS.values()))
 WORN = {"motor.winding_c": 120.0, "battery.charge": 0.15}  # a robot at the end of a game
 WORN_TEXT = (
     f"windings at {WORN['motor.winding_c']:g} °C, battery at {100 * WORN['battery.charge']:g} %"

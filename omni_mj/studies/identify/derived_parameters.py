@@ -14,7 +14,6 @@ from scipy.optimize import approx_fprime
 from omni_control.kinematics import Array
 from omni_control.traction_limits import GRAVITY
 from omni_mj.config import PERIOD_S, nominal_model
-from omni_mj.config.settings import Settings
 from omni_mj.studies.identify.parameter_fit import Fit, Prior
 from omni_mj.studies.identify.slip_dynamics import DEAD_TIME, RobotDynamics
 
@@ -27,7 +26,7 @@ MIN_RMS_M_S, MIN_RMS_RAD_S = 0.1, 0.3
 # identified if its standard error exceeds this fraction of the prior's.
 MAX_PRIOR_FRACTION = 0.95
 # Nothing is identified from a misfit whose residuals exceed this multiple of the noise.
-MAX_NOISE_RATIO_BY_WHEELS, MAX_NOISE_RATIO_BY_COMMANDS = 10.0, 2.0
+MAX_NOISE_RATIO = {"wheels": 10.0, "commands": 2.0}
 AXES = ("forward", "sideways")
 
 
@@ -169,7 +168,7 @@ def find_missing_excitation(twists: Sequence[Array], periods: Sequence[float]) -
 
 
 def estimate_parameters(
-    fit: Fit, prior: Prior, settings: Settings, missing_excitation: Mapping[str, str]
+    fit: Fit, prior: Prior, missing_excitation: Mapping[str, str]
 ) -> Iterator[Estimate]:
     """Yield an estimate of each parameter that depends on fitted ones.
 
@@ -178,13 +177,13 @@ def estimate_parameters(
     Args:
         fit: Fit of the slip dynamics, with its prior.
         prior: The prior.
-        settings: Settings of the start robot.
         missing_excitation: Missing excitations and reasons; see `find_missing_excitation`.
     """
-    problem, by_wheels, free = fit.problem, fit.problem.segments.by_wheels, fit.problem.free
+    problem, free, source = fit.problem, fit.problem.free, fit.problem.segments.source
+    by_wheels, settings = source == "wheels", problem.dynamics.settings
 
     def evaluate(x: Array) -> dict[str, float]:
-        return derive_parameters(problem.dynamics, settings, problem.parameters(x), by_wheels)
+        return derive_parameters(problem.dynamics, problem.parameters(x), by_wheels)
 
     gradient = approx_fprime(
         fit.values, lambda x: np.array(list(evaluate(x).values())), 1e-3 * problem.scale
@@ -207,7 +206,6 @@ def estimate_parameters(
             reason = "these data tell hardly more than the robot's file does"
         elif reason is None and name == "loop_gain" and abs(value - settings.firmware.kp) < half:
             reason = f"the {settings.firmware.kp:g} {info.unit} of the robot's file lies within"
-        source = "wheels" if by_wheels else "commands"
         is_weak = not half <= info.limit * size  # also if it is NaN
         yield Estimate(
             name, source, value, total_error, value - half, value + half, reason, is_weak
@@ -215,22 +213,22 @@ def estimate_parameters(
 
 
 def derive_parameters(
-    dynamics: RobotDynamics, settings: Settings, p: Mapping[str, float], by_wheels: bool
+    dynamics: RobotDynamics, p: Mapping[str, float], by_wheels: bool
 ) -> dict[str, float]:
     """Return the values of `PARAMETERS` for parameters p of the slip dynamics.
 
     The equations are those of `omni_mj.config.nominal_model`.
 
     Args:
-        dynamics: Known properties of the robot.
-        settings: Settings of the start robot.
+        dynamics: Known properties of the start robot.
         p: Mapping from name to parameter; see `RobotDynamics.nominal_parameters`.
         by_wheels: Whether the inputs were wheel speeds, otherwise commands.
 
     Returns:
         Mapping from keys of `PARAMETERS` to values; only those that the inputs determine.
     """
-    scale, stiffness = p["scale"], 1 / max(p["creep_compliance"], 1e-9)
+    settings, scale = dynamics.settings, p["scale"]
+    stiffness = 1 / max(p["creep_compliance"], 1e-9)
     arm = settings.wheels.arm_m * p["arm"]
     changes = {
         "drivetrain": {"creep_stiffness": stiffness, "roller_friction": p["roller_friction"]},
@@ -250,7 +248,7 @@ def derive_parameters(
         derived[name] = p[name]
     if by_wheels:
         gain_turning = scale / p["arm"] * turning
-        derived |= {"radius_m": dynamics.wheel_radius * scale, "arm_m": arm}
+        derived |= {"radius_m": settings.wheels.radius_m * scale, "arm_m": arm}
     else:
         gyro_gain = p["turn_rate_gain"]
         gain_turning = scale * (1 + gyro_gain) / (1 / turning + scale * gyro_gain)
@@ -293,11 +291,9 @@ def _why_not_identified(
     for excitation in info.excitation.split():
         if excitation in missing_excitation:
             return missing_excitation[excitation]
-    by_wheels = fit.problem.segments.by_wheels
-    limit = MAX_NOISE_RATIO_BY_WHEELS if by_wheels else MAX_NOISE_RATIO_BY_COMMANDS
     for quantity, residuals in fit.residuals.items():
         ratio = residuals.rms / residuals.noise
-        if fit.misfit and ratio > limit:
+        if fit.misfit and ratio > MAX_NOISE_RATIO[fit.problem.segments.source]:
             return (
                 "the model does not describe this motion: residuals of "
                 f"{quantity} are {ratio:.1f} times the noise"

@@ -216,7 +216,7 @@ def _add_fit(result: IdentificationResult, source: str, logs: Sequence[RobotLog]
         OmniError: A log fails a check of `log_checks`, or the logs are too short.
     """
     settings, by_wheels = result.start.settings, source == "wheels"
-    dynamics = RobotDynamics.from_settings(settings)
+    dynamics = RobotDynamics(settings)
     twists, delays = _check_logs(logs, source, settings.wheels.kinematics)
     segments = cut_segments(logs, source)
     missing_excitation = find_missing_excitation(
@@ -227,7 +227,7 @@ def _add_fit(result: IdentificationResult, source: str, logs: Sequence[RobotLog]
             f"{source}: the robot does not move; nothing is identified from its motion"
         )
         return
-    nominal = dynamics.nominal_parameters(settings, by_wheels)
+    nominal = dynamics.nominal_parameters(by_wheels)
     start = nominal | {DEAD_TIME: float(np.median(delays))}
     if not by_wheels:  # the delay of commands is dead time plus lag
         lag = 2 * start["compliance_s"] / len(dynamics.rim_directions)
@@ -245,7 +245,7 @@ def _add_fit(result: IdentificationResult, source: str, logs: Sequence[RobotLog]
     prior = _choose_prior(result, fit, nominal)
     result.predictions[source] = cross_validate(fit, prior, nominal)
     result.fits[source] = fit = fit.with_prior(prior)
-    for estimate in estimate_parameters(fit, prior, settings, missing_excitation):
+    for estimate in estimate_parameters(fit, prior, missing_excitation):
         result.estimates[f"{source}.{estimate.name}"] = estimate
 
 
@@ -301,7 +301,7 @@ def _choose_prior(result: IdentificationResult, fit: Fit, nominal: Parameters) -
     """
     mean = np.array([nominal[name] for name in fit.problem.free])
     error = np.array([RANGES[name].prior_error for name in fit.problem.free])
-    if not fit.problem.segments.by_wheels:
+    if fit.problem.segments.source == "commands":
         return Prior(mean, error)
     i = fit.problem.free.index("scale")
     mean[i], error[i] = ROLLING_RADIUS, UNKNOWN_RADIUS_ERROR

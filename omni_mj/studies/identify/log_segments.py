@@ -35,7 +35,7 @@ class LogSegments:
     """S segments of m samples.
 
     Attributes:
-        by_wheels: Whether inputs are wheel speeds in rad/s, otherwise twists in m/s and rad/s.
+        source: "wheels", whose inputs are speeds in rad/s, or "commands", twists in m/s and rad/s.
         period: Median time between samples, s.
         input_integral: Integral of the inputs of all logs, (K,), as a function of time.
         time: Times of the samples on the common time axis, (S, m) s.
@@ -43,7 +43,7 @@ class LogSegments:
         in_body: Whether twists are in the body frame, (S,).
     """
 
-    by_wheels: bool
+    source: str
     period: float
     input_integral: BSpline
     time: Array
@@ -127,4 +127,4 @@ def cut_segments(logs: Sequence[RobotLog], source: str) -> LogSegments:
     inputs = np.concatenate([log.inputs[source] for log in logs])
     integral = integrate_inputs(np.concatenate(times), inputs)
     time, pose, in_body = map(np.array, zip(*segments, strict=True))
-    return LogSegments(source == "wheels", period, integral, time, pose, in_body)
+    return LogSegments(source, period, integral, time, pose, in_body)

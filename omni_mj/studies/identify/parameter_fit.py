@@ -69,7 +69,7 @@ MAX_LAG = 5  # samples; largest shift at which the covariance of residuals is me
 FALSE_ALARM_RATE = 0.01  # probability of a misfit although the model describes the robot
 # Allowed persistent residuals of positions in m and headings in rad. They are the 95 % quantiles
 # over simulated logs.
-ALLOWED_BY_WHEELS, ALLOWED_BY_COMMANDS = (0.3e-3, 2.5e-3), (0.6e-3, 4e-3)
+ALLOWED = {"wheels": (0.3e-3, 2.5e-3), "commands": (0.6e-3, 4e-3)}
 # A segment whose residual exceeds this multiple of the median is an outlier. Outliers are left out
 # unless they exceed this fraction of all segments.
 OUTLIER_RATIO, MAX_OUTLIER_FRACTION = 3.0, 0.25
@@ -274,19 +274,18 @@ def fit_parameters(
     if drop_outliers and has_few_outliers and is_inlier.sum() >= MIN_SEGMENTS:
         inliers = segments.select(is_inlier)
         return fit_parameters(dynamics, inliers, problem.parameters(x), free, False)
-    allowed = ALLOWED_BY_WHEELS if segments.by_wheels else ALLOWED_BY_COMMANDS
+    allowed_m, allowed_rad = ALLOWED[segments.source]
     residuals = {
-        "positions": measure_residuals(residual[..., :2], allowed[0]),
-        "headings": measure_residuals(residual[..., 2:] / problem.weights[2], allowed[1]),
+        "positions": measure_residuals(residual[..., :2], allowed_m),
+        "headings": measure_residuals(residual[..., 2:] / problem.weights[2], allowed_rad),
     }
-    misfits = [r for r in residuals.values() if r.misfit]
     is_low = x < problem.low + 2e-3 * problem.scale
     is_high = x > problem.high - 2e-3 * problem.scale
     return Fit(
         problem=problem,
         values=x,
         covariance=robust_covariance(problem.jacobian, residual),
-        misfit_ratio=max([1.0, *(r.persistent / r.allowed for r in misfits)]),
+        misfit_ratio=max(r.persistent / r.allowed if r.misfit else 1.0 for r in residuals.values()),
         quantile=float(stdtrit(len(segments) - 1, 0.975)),
         at_bound=frozenset(np.array(free)[is_low | is_high].tolist()),
         residuals=residuals,

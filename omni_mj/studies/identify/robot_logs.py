@@ -135,7 +135,7 @@ def integrate_inputs(time: Array, inputs: Array) -> BSpline:
     """
     ends = np.append(time, time[-1] + 1)
     total = np.cumsum(np.diff(ends)[:, None] * inputs, axis=0)
-    return make_interp_spline(ends, np.concatenate([np.zeros_like(total[:1]), total]), k=1)
+    return make_interp_spline(ends, np.pad(total, [(1, 0), (0, 0)]), k=1)
 
 
 def integrate_windows(time: Array, inputs: Array, start: Array, window: float) -> Array:
@@ -164,10 +164,7 @@ def _clean(log: RobotLog) -> RobotLog:
     Raises:
         OmniError: There are too few lines, times are not valid, or commands are missing.
     """
-    is_finite = np.isfinite(log.time)
-    if not is_finite.all():
-        line = np.argmin(is_finite) + 1
-        raise OmniError(f"{log.name}: time_s is missing or infinite in line {line}")
+    _require_finite(f"{log.name}: time_s is", log.time)
     decreases = np.diff(log.time) < 0
     if decreases.any():
         line = decreases.argmax() + 1
@@ -180,17 +177,21 @@ def _clean(log: RobotLog) -> RobotLog:
     if not MIN_PERIOD_S <= period <= MAX_PERIOD_S:
         raise OmniError(f"{log.name}: {period:g} s from line to line; time_s must be in s")
     pose[~np.isfinite(pose)] = np.nan
-    is_repeated = np.append(False, (np.diff(pose, axis=0) == 0).all(1))
-    pose[is_repeated] = np.nan
+    is_repeated = (np.diff(pose, axis=0) == 0).all(1)
+    pose[1:][is_repeated] = np.nan
     has_heading = np.isfinite(pose[:, 2])
     pose[has_heading, 2] = np.unwrap(pose[has_heading, 2])
     inputs = {source: values[is_new] for source, values in log.inputs.items()}
     for source, values in inputs.items():
-        is_complete = np.isfinite(values).all(1)
-        if not is_complete.all():
-            line = np.argmin(is_complete) + 1
-            raise OmniError(f"{log.name}: {source} are missing or infinite in line {line}")
+        _require_finite(f"{log.name}: {source} are", values)
     return replace(log, time=time, pose=pose, inputs=inputs)
+
+
+def _require_finite(subject: str, values: Array) -> None:
+    """Raise OmniError, which starts with a subject, if a line (F, ...) has no finite value."""
+    invalid_indices = np.argwhere(~np.isfinite(values))
+    if invalid_indices.size:
+        raise OmniError(f"{subject} missing or infinite in line {invalid_indices[0, 0] + 1}")
 
 
 def _wheel_columns(path: Path, columns: Columns) -> tuple[bool, list[str]]:

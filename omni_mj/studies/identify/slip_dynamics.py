@@ -26,8 +26,6 @@ w of the robot. In the code, masses and forces are divided by the robot's mass.
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass
-from typing import Self
 
 import numpy as np
 
@@ -55,16 +53,16 @@ STEP_S = 0.01  # longest integration step
 SOFTENING_ITERATIONS = 2
 
 
-@dataclass(frozen=True, eq=False)
 class RobotDynamics:
     """Known properties of a robot with W wheels. Masses and forces are divided by its mass.
 
+    Args:
+        settings: Settings of the robot.
+
     Attributes:
+        settings: The settings.
         rim_directions: Rows d_i that map a body twist to the speed along each rim, (W, 3).
         axle_directions: Rows that map a body twist to the speed along each axle, (W, 3).
-        wheel_radius: Radius of the wheels, m.
-        contact_ratio: Length of the contacts along the rim over that along the axle.
-        com_x: Position of the center of mass in front of the center of the wheels, m.
         mass_matrix: Matrix M (3, 3) of body and rollers.
         loads: Normal forces at rest, (W,) m/s^2.
         load_transfer: Change of normal forces per acceleration forward and sideways, (2, W).
@@ -78,70 +76,42 @@ class RobotDynamics:
         gyro_delay: Delay of the turn rate in the gyro loop, s.
     """
 
-    rim_directions: Array
-    axle_directions: Array
-    wheel_radius: float
-    contact_ratio: float
-    com_x: float
-    mass_matrix: Array
-    loads: Array
-    load_transfer: Array
-    roller_viscosity: float
-    spin_up_drag: float
-    commutation: float
-    rotor_inertia: float
-    command_wait: float
-    loop_delay: float
-    gyro_delay: float
-
-    @classmethod
-    def from_settings(cls, settings: Settings) -> Self:
-        """Return the dynamics that the settings of a robot describe."""
+    def __init__(self, settings: Settings) -> None:
+        self.settings = settings
         body, wheels, motor = settings.body, settings.wheels, settings.motor
-        rim_directions, radius = wheels.kinematics.matrix, wheels.radius_m
-        x, kg = body.com_x_m, body.mass_kg
+        x, kg, radius = body.com_x_m, body.mass_kg, wheels.radius_m
         n_rollers, roller_radius = wheels.rollers, wheels.roller_radius_m
+        self.rim_directions = wheels.kinematics.matrix
+        self.axle_directions = wheels.kinematics.axles
         # Mass of a wheel's rollers at its rim
         rim_mass = n_rollers * ROLLER_KG * (1 - roller_radius / radius) ** 2
         body_mass = np.array([[1, 0, 0], [0, 1, x], [0, x, body.yaw_inertia_kg_m2 / kg + x**2]])
+        self.mass_matrix = body_mass + rim_mass / kg * self.rim_directions.T @ self.rim_directions
+        self.loads = nominal_model.compute_normal_forces(settings) / kg
+        load_distribution = compute_load_distribution(wheels.kinematics, body.com_height_m)
+        self.load_transfer = load_distribution[1][:, :2].T
+        damping = settings.drivetrain.roller_damping_nm_s
+        self.roller_viscosity = HANDOVER_FACTOR * damping / roller_radius**2 / kg
         # Radius at which a roller is spun up
         spin_up_radius = roller_radius - radius * (1 - np.cos(np.pi / n_rollers))
-        cycles = round(CYCLE_RATE_HZ / settings.firmware.rate_hz)
-        loop_gain = settings.firmware.kp + motor.wheel_back_emf_v_s
-        load_distribution = compute_load_distribution(wheels.kinematics, body.com_height_m)
-        damping = settings.drivetrain.roller_damping_nm_s
-        return cls(
-            rim_directions=rim_directions,
-            axle_directions=wheels.kinematics.axles,
-            wheel_radius=radius,
-            contact_ratio=wheels.contact_ratio,
-            com_x=x,
-            mass_matrix=body_mass + rim_mass / kg * rim_directions.T @ rim_directions,
-            loads=nominal_model.compute_normal_forces(settings) / kg,
-            load_transfer=load_distribution[1][:, :2].T,
-            roller_viscosity=HANDOVER_FACTOR * damping / roller_radius**2 / kg,
-            spin_up_drag=SPIN_UP_FACTOR
-            * n_rollers
-            / (2 * np.pi * radius)
-            * 0.4
-            * ROLLER_KG
-            * (roller_radius / spin_up_radius) ** 2
-            / kg,
-            commutation=motor.commutation_ohm_s
-            * motor.gear_ratio
-            / (motor.resistance_ohm * radius),
-            rotor_inertia=motor.rotor_inertia_kg_m2 * motor.gear_ratio**2 / (radius**2 * kg),
-            command_wait=float(np.mean(-CYCLES_PER_FRAME * np.arange(cycles) % cycles))
-            / CYCLE_RATE_HZ,
-            loop_delay=(cycles + 1) / CYCLE_RATE_HZ * settings.firmware.kp / loop_gain,
-            gyro_delay=(cycles / 2 + 1) / CYCLE_RATE_HZ,
+        rollers_per_m = n_rollers / (2 * np.pi * radius)
+        roller_inertia = 0.4 * ROLLER_KG * (roller_radius / spin_up_radius) ** 2
+        self.spin_up_drag = SPIN_UP_FACTOR * rollers_per_m * roller_inertia / kg
+        self.commutation = (
+            motor.commutation_ohm_s * motor.gear_ratio / motor.resistance_ohm / radius
         )
+        self.rotor_inertia = motor.rotor_inertia_kg_m2 * motor.gear_ratio**2 / (radius**2 * kg)
+        cycles = round(CYCLE_RATE_HZ / settings.firmware.rate_hz)
+        wait_cycles = -CYCLES_PER_FRAME * np.arange(cycles) % cycles
+        self.command_wait = float(wait_cycles.mean()) / CYCLE_RATE_HZ
+        loop_gain = settings.firmware.kp + motor.wheel_back_emf_v_s
+        self.loop_delay = (cycles + 1) / CYCLE_RATE_HZ * settings.firmware.kp / loop_gain
+        self.gyro_delay = (cycles / 2 + 1) / CYCLE_RATE_HZ
 
-    def nominal_parameters(self, settings: Settings, by_wheels: bool) -> Parameters:
-        """Return the parameters of the model for the settings of a robot.
+    def nominal_parameters(self, by_wheels: bool) -> Parameters:
+        """Return the parameters of the model for the settings of the robot.
 
         Args:
-            settings: Settings of the robot.
             by_wheels: Whether the inputs are wheel speeds, otherwise commands.
 
         Returns:
@@ -156,6 +126,7 @@ class RobotDynamics:
             dry_friction_m_s: Rim speed lost by dry friction; 0 for wheel speeds.
             turn_rate_gain: Gain k of the gyro loop; 0 for wheel speeds.
         """
+        settings = self.settings
         nominal = {
             DEAD_TIME: 0.0,
             "scale": 1.0,
@@ -176,7 +147,7 @@ class RobotDynamics:
         return nominal | {
             "scale": 1 - (1 - firmware.feedforward) * constant / gain,
             "compliance_s": settings.body.mass_kg * softness,
-            "dry_friction_m_s": settings.hub_friction_nm / self.wheel_radius * softness,
+            "dry_friction_m_s": settings.hub_friction_nm / settings.wheels.radius_m * softness,
             "turn_rate_gain": firmware.turn_rate_gain,
         }
 
@@ -203,7 +174,7 @@ def simulate_segments(
     slope = np.concatenate([p["slope_x_m_s2"], p["slope_y_m_s2"], np.zeros_like(p["friction"])], -1)
     model = _SlipModel(dynamics, segments, p)
     substeps = max(1, int(np.ceil(segments.period / STEP_S)))
-    wait = 0 if segments.by_wheels else dynamics.command_wait
+    wait = 0 if segments.source == "wheels" else dynamics.command_wait
     inputs, duration = segments.compute_mean_inputs(delay + wait, substeps)
     pose, velocity = initial[..., 0, :], initial[..., 1, :]
     acceleration = world_to_body(initial[..., 2, :], pose[..., 2] + heading_offset)
@@ -216,7 +187,7 @@ def simulate_segments(
         body_heading = heading + heading_offset
         start = world_to_body(velocity, body_heading)
         slope_force = world_to_body(slope, body_heading)
-        slope_force[..., 2] = dynamics.com_x * slope_force[..., 1]
+        slope_force[..., 2] = dynamics.settings.body.com_x_m * slope_force[..., 1]
         middle = start + 0.5 * h * acceleration
         mass, resistance, force = model.linearize(
             inputs[:, :, k], heading, middle, acceleration, slope_force
@@ -243,7 +214,7 @@ class _SlipModel:
         self, dynamics: RobotDynamics, segments: LogSegments, p: Mapping[str, Array]
     ) -> None:
         self._dynamics, self._p = dynamics, p
-        self._by_wheels = segments.by_wheels
+        self._by_wheels = segments.source == "wheels"
         self._in_body = segments.in_body[:, None, None]
         arm_scale = np.concatenate([np.ones((len(p["arm"]), 2)), p["arm"]], 1)[:, None]
         self._rim_directions = dynamics.rim_directions * arm_scale  # (P, W, 3)
@@ -263,15 +234,16 @@ class _SlipModel:
             slope_force: Force by the slope, body frame, (S, P, 3).
         """
         dynamics, p, rims = self._dynamics, self._p, self._rim_directions
+        wheels = dynamics.settings.wheels
         rolling_speed, axle_speed = _apply(rims, twist), twist @ dynamics.axle_directions.T
         speed = np.hypot(rolling_speed, axle_speed)
         shift = (acceleration - slope_force)[..., :2] @ dynamics.load_transfer
         load = np.maximum(dynamics.loads + shift, MIN_LOAD)
-        contact_speed = np.hypot(rolling_speed, dynamics.contact_ratio * axle_speed)
+        contact_speed = np.hypot(rolling_speed, wheels.contact_ratio * axle_speed)
         compliance = p["creep_compliance"] * contact_speed / load
         loop_compliance = np.zeros(())
         if self._by_wheels:
-            rim_speed = p["scale"] * dynamics.wheel_radius * inputs
+            rim_speed = p["scale"] * wheels.radius_m * inputs
         else:
             rim_speed, loop_compliance = self._wheel_loops(inputs, heading, twist)
         slip_speed = np.maximum(np.abs(rim_speed - rolling_speed), 1e-9)

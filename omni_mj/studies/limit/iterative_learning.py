@@ -68,10 +68,11 @@ class Runs:
     errors: Array
 
     @classmethod
-    def from_simulation(cls, simulation: Simulation) -> "Runs":
-        """Return the runs of a simulation at its end."""
-        poses, sent = simulation.log.channel("pose"), simulation.log.channel("command")
-        errors = poses - simulation.log.channel("ref")
+    def simulate(cls, simulation: Simulation, after_frame: AfterFrame) -> "Runs":
+        """Run a simulation to its end, and return its runs."""
+        log = simulation.run(after_frame)
+        poses, sent = log.channel("pose"), log.channel("command")
+        errors = poses - log.channel("ref")
         errors[:, [failure.row for failure in simulation.failures]] = np.inf
         return cls(sent, poses, errors)
 
@@ -110,8 +111,7 @@ def run_function(
     runs = [(label, seed, scenario.settings) for seed in seeds]
     rows = build_single_robot_rows(runs, scenario.robot)
     simulation = Simulation(scenario, [controller_from_function(label, function)], rows=rows)
-    simulation.run(after_frame)
-    return Runs.from_simulation(simulation)
+    return Runs.simulate(simulation, after_frame)
 
 
 def learn_run(
@@ -230,8 +230,7 @@ def _initial_run(scenario: Scenario, after_frame: AfterFrame) -> Runs:
         OmniError: No controller reaches the end of the scenario.
     """
     simulation = Simulation(scenario, INITIAL_CONTROLLERS, [scenario.seed])
-    simulation.run(after_frame)
-    best = Runs.from_simulation(simulation).best
+    best = Runs.simulate(simulation, after_frame).best
     if not np.isfinite(best.cost).all():
         raise OmniError(
             f"no controller reaches the end of {scenario.name!r}, so there is nothing to learn from"

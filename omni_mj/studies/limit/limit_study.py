@@ -93,19 +93,16 @@ class LimitResult(Result):
                 for s in STATISTIC_LABELS
             ]
             rows.append([label, *errors, "/".join(ratios)])
-        headings = [
-            "",
-            *(f"{STATISTIC_LABELS[s]}, cm" for s in STATISTIC_LABELS),
-            "times the limit",
-        ]
+        error_headings = [f"{label}, cm" for label in STATISTIC_LABELS.values()]
+        headings = ["", *error_headings, "times the limit"]
         seeds = f"mean of {format_count(len(self.seeds), 'seed')}"
         title = f"{name}, {describe_plant(entry)}: position error, {seeds}"
         start, end = (
             " / ".join(f"{100 * self.history[i][s]:.4f}" for s in STATISTIC_LABELS) for i in (0, -1)
         )
         trials = format_count(len(self.history) - 1, "trial")
-        learned = f"without noise, in {trials}: from {start} to {end} cm"
-        return f"{format_table(Table(title, headings, rows, 1))}\n{learned}"
+        comparison = format_table(Table(title, headings, rows, 1))
+        return f"{comparison}\nwithout noise, in {trials}: from {start} to {end} cm"
 
 
 @check_types

@@ -164,11 +164,10 @@ class LoopResult(Result):
         rows = []
         for case, loops in self.loops.items():
             for i, (label, loop) in enumerate(loops.items()):
+                values = finite_or_none(getattr(loop, field_name))
                 formatted = [
-                    format_number(finite_or_none(value), factor, digits)
-                    for value, (_, factor, digits) in zip(
-                        getattr(loop, field_name), columns, strict=True
-                    )
+                    format_number(value, factor, digits)
+                    for value, (_, factor, digits) in zip(values, columns, strict=True)
                 ]
                 rows.append(["" if i else case, label, *formatted])
         headings = ["", "", *(heading for heading, _, _ in columns)]

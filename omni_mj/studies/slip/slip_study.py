@@ -103,7 +103,7 @@ class SlipResult(Result):
             published = PUBLISHED.get(name, {}).get(quantity, np.nan)
             values = {
                 "measured": measured,
-                "closed_form": robot.closed_form.get(quantity, np.nan),
+                "closed_form": robot.closed_form[quantity],
                 "published": published,
                 "deviation_percent": 100 * (measured / published - 1),
             }

@@ -24,6 +24,8 @@ from omni_mj.results.text_table import (
 )
 from omni_mj.studies.sweep.sweep_plan import SweepPlan
 
+Record = dict[str, Any]  # object of summary.json
+
 MAX_ERROR = "position_max_m"
 ERROR_COLUMNS = (MAX_ERROR, "position_mean_m")
 N_WORST = 3
@@ -31,7 +33,7 @@ MAX_LINES = 60  # of a table on a terminal
 QUANTITIES = ("failed, %", "interval, %", "median, cm", "interval, cm", "p90, cm")
 
 
-def summarize_points(all_rows: pa.Table, axes: list[str]) -> list[dict[str, Any]]:
+def summarize_points(all_rows: pa.Table, axes: list[str]) -> list[Record]:
     """Return the statistics of each point and controller.
 
     Failure rates have Wilson's 95 % interval, which is also valid for 0 of n failures. Medians have
@@ -55,7 +57,7 @@ def summarize_points(all_rows: pa.Table, axes: list[str]) -> list[dict[str, Any]
     ]
 
 
-def _failure_rate(causes: list[str | None]) -> dict[str, Any]:
+def _failure_rate(causes: list[str | None]) -> Record:
     """Return the number of robots that failed, and the failure rate with its interval."""
     from scipy.stats import binomtest
 
@@ -83,7 +85,7 @@ def _error_statistics(errors: np.ndarray) -> dict[str, float | None]:
     )
 
 
-def rank_correlations(all_rows: pa.Table) -> list[dict[str, Any]]:
+def rank_correlations(all_rows: pa.Table) -> list[Record]:
     """Return Spearman's correlations between settings that are numbers and controllers' errors.
 
     Robots that failed have the highest rank. The correlation is None if all errors are equal.
@@ -100,7 +102,7 @@ def rank_correlations(all_rows: pa.Table) -> list[dict[str, Any]]:
             values = np.array(rows[setting].to_pylist())
             if values.dtype.kind not in "if" or np.ptp(values) == 0:
                 continue
-            correlation: dict[str, Any] = {"controller": controller, "setting": setting}
+            correlation: Record = {"controller": controller, "setting": setting}
             for name in ERROR_COLUMNS:
                 errors = rows[name].to_numpy()
                 is_constant = (errors == errors[0]).all()
@@ -110,7 +112,7 @@ def rank_correlations(all_rows: pa.Table) -> list[dict[str, Any]]:
     return correlations
 
 
-def worst_runs(all_rows: pa.Table, plan: SweepPlan, folder: Path) -> list[dict[str, Any]]:
+def worst_runs(all_rows: pa.Table, plan: SweepPlan, folder: Path) -> list[Record]:
     """Return the worst runs, each with the command that repeats it.
 
     Runs that failed come first, the earliest failure at the top, then those with the largest
@@ -140,7 +142,7 @@ def worst_runs(all_rows: pa.Table, plan: SweepPlan, folder: Path) -> list[dict[s
     return runs
 
 
-def format_sweep_tables(plan: SweepPlan, summary: dict[str, Any]) -> str:
+def format_sweep_tables(plan: SweepPlan, summary: Record) -> str:
     """Return the tables as text; for a large sweep only the worst lines."""
     points = summary["points"]
     if len(points) > MAX_LINES:  # most failures first, then largest errors
@@ -150,7 +152,7 @@ def format_sweep_tables(plan: SweepPlan, summary: dict[str, Any]) -> str:
     return "\n\n".join(map(format_table, _list_tables(plan, summary, points)))
 
 
-def save_sweep_table(plan: SweepPlan, summary: dict[str, Any], path: Path) -> None:
+def save_sweep_table(plan: SweepPlan, summary: Record, path: Path) -> None:
     """Write the complete tables as Markdown."""
     blocks = [
         f"{table.title}\n\n{format_markdown(table)}\n"
@@ -159,9 +161,7 @@ def save_sweep_table(plan: SweepPlan, summary: dict[str, Any], path: Path) -> No
     write_text(path, "\n".join(blocks))
 
 
-def _list_tables(
-    plan: SweepPlan, summary: dict[str, Any], points: list[dict[str, Any]]
-) -> list[Table]:
+def _list_tables(plan: SweepPlan, summary: Record, points: list[Record]) -> list[Table]:
     """Return the table of points, and that of rank correlations if there are any."""
     sweep_tables = [_point_table(plan, summary, points)]
     rows = [
@@ -174,7 +174,7 @@ def _list_tables(
     return sweep_tables
 
 
-def _point_table(plan: SweepPlan, summary: dict[str, Any], points: list[dict[str, Any]]) -> Table:
+def _point_table(plan: SweepPlan, summary: Record, points: list[Record]) -> Table:
     """Return failure rates and maximum position errors with 95 % intervals."""
     names = list(plan.axes)
     n_robots = max(point["n_robots"] for point in points)
@@ -189,7 +189,7 @@ def _point_table(plan: SweepPlan, summary: dict[str, Any], points: list[dict[str
     return drop_equal_columns(Table(title, headings, rows, len(names) + 1), ["median, cm"])
 
 
-def _point_row(point: dict[str, Any], names: list[str]) -> list[str]:
+def _point_row(point: Record, names: list[str]) -> list[str]:
     """Return the cells of a point and controller."""
     errors = {
         key: "∞" if error_m is None else f"{100 * error_m:.2f}"
