@@ -231,21 +231,23 @@ def test_starters_run(
 
 
 @pytest.mark.parametrize(
-    ("streams", "code", "out", "err"),
+    ("streams", "code", "err"),
     [
-        ("| head -1", 1, "scenarios", ""),
-        (">&-", 0, "", ""),
-        ("> /dev/full", 1, "", "error: standard output: No space left on device\n"),
+        (">&0", 1, ""),
+        (">&-", 0, ""),
+        ("> /dev/full", 1, "error: standard output: No space left on device\n"),
     ],
 )
-def test_closed_output_is_no_error_and_lost_output_is(
-    streams: str, code: int, out: str, err: str
-) -> None:
-    """Cases: the reader of a pipe ends, streams are closed, the device is full."""
-    command = f"set -o pipefail; {sys.executable} -m omni_mj list {streams}"
-    done = subprocess.run(["bash", "-c", command], capture_output=True, text=True, timeout=60)
+def test_closed_output_is_no_error_and_lost_output_is(streams: str, code: int, err: str) -> None:
+    """Cases: the reader of a pipe has ended, streams are closed, the device is full."""
+    read, write = os.pipe()
+    os.close(read)
+    command = f"{sys.executable} -m omni_mj list scenarios {streams}"
+    with os.fdopen(write) as pipe:  # as standard input, to which commands may redirect their output
+        done = subprocess.run(
+            ["bash", "-c", command], stdin=pipe, stderr=subprocess.PIPE, text=True, timeout=60
+        )
     assert (done.returncode, done.stderr) == (code, err)
-    assert done.stdout.startswith(out)
 
 
 @pytest.mark.parametrize(

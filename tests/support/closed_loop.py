@@ -18,6 +18,20 @@ SIDE = 5 / 3  # lag and friction sideways over those forward, with these wheels
 CONTACT_RATIO = 2.8  # of the axes of a contact
 
 
+_RIMS = np.stack([-np.sin(WHEELS.azimuths), np.cos(WHEELS.azimuths)], axis=1)
+_AXLES = np.stack([np.cos(WHEELS.azimuths), np.sin(WHEELS.azimuths)], axis=1)
+_RIM_SQUARES = _RIMS[:, :, None] * _RIMS[:, None]
+
+
+def _invert_stiffness(twist: Array) -> Array:
+    along_rims = twist[:, :2] @ _RIMS.T + WHEELS.arm * twist[:, 2:]
+    speeds = np.hypot(along_rims, CONTACT_RATIO * twist[:, :2] @ _AXLES.T)
+    return np.linalg.inv(np.tensordot(1 / np.maximum(speeds, 1e-9), _RIM_SQUARES, 1))
+
+
+_FORWARD_SPEED = _invert_stiffness(np.array([[1.0, 0.0, 0.0]]))[0, 0, 0]
+
+
 def compute_creep_speeds(twist: Array) -> Array:
     """Return the matrices (n, 2, 2), m/s, by which a creep coefficient is multiplied.
 
@@ -27,16 +41,7 @@ def compute_creep_speeds(twist: Array) -> Array:
     Args:
         twist: Body twists (n, 3).
     """
-    rims = np.stack([-np.sin(WHEELS.azimuths), np.cos(WHEELS.azimuths)], axis=1)
-    axles = np.stack([np.cos(WHEELS.azimuths), np.sin(WHEELS.azimuths)], axis=1)
-    outer = rims[:, :, None] * rims[:, None]
-
-    def invert_stiffness(twist: Array) -> Array:
-        along_rims = twist[:, :2] @ rims.T + WHEELS.arm * twist[:, 2:]
-        speeds = np.hypot(along_rims, CONTACT_RATIO * twist[:, :2] @ axles.T)
-        return np.linalg.inv(np.tensordot(1 / np.maximum(speeds, 1e-9), outer, 1))
-
-    return invert_stiffness(twist) / invert_stiffness(np.array([[1.0, 0.0, 0.0]]))[0, 0, 0]
+    return _invert_stiffness(twist) / _FORWARD_SPEED
 
 
 def rotate(twist: Array, angle: Array) -> Array:
@@ -139,6 +144,7 @@ class CreepingPlant(Plant):
         gain, side, dt = self._gain, np.array([1.0, SIDE]), T / SUBSTEPS
         gain_matrix = gain[..., :2, None] * gain[..., None, :2]
         halves = self.get_acting(), self.get_acting(0.5)
+        lag = self._lag * np.diag(side)
         for i in range(SUBSTEPS):
             v, heading = self._body_twist, self.pose[:, 2]
             u = rotate(halves[2 * i // SUBSTEPS], -heading)
@@ -146,7 +152,7 @@ class CreepingPlant(Plant):
             friction = self._friction * side * v[:, :2] / np.maximum(speed, 0.05)
             creep = self._creep * gain_matrix * compute_creep_speeds(v)
             residual = (u - gain * v)[:, :2] - friction
-            rate = np.linalg.solve(self._lag * np.diag(side) + creep, residual[..., None])[..., 0]
+            rate = np.linalg.solve(lag + creep, residual[..., None])[..., 0]
             turning = (u - gain * v)[:, 2:] / (0.25 * self._lag)
             # Rotation of the axes leaves the velocity in the world unchanged.
             spin = v[:, 2:] * np.stack([v[:, 1], -v[:, 0]], axis=1)

@@ -42,7 +42,7 @@ def comparison(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Folder of a comparison of three controllers on two short scenarios, with verdicts on p."""
     folder = tmp_path_factory.mktemp("comparison") / "compare"
     names = [option for name in ("rect", "rect-noise") for option in ("--scenario", name)]
-    names += [option for name in ("flc", "p", "oracle") for option in ("--controller", name)]
+    names += [option for name in ("flc", "p", "smith") for option in ("--controller", name)]
     options = ("--seeds", 3, "--subject", "p", "--out", folder)
     assert invoke("compare", *names, *SHORT, *options) == 0
     return folder
