@@ -61,6 +61,9 @@ REFUSED = {  # content of the model -> message
     MANY: "MuJoCo cannot compile it",
     '<worldbody><body pos="nan 0 0"><geom size="nan"/></body></worldbody>': "nan size in geom",
     '<worldbody><site pos="nan 0 0"/></worldbody>': "XML contains a 'NaN'",
+    '<worldbody><body><joint/><joint/><geom size="0.1"/></body></worldbody>': (
+        "Inertia matrix is too close to singular"
+    ),
     '<asset><mesh name="m" file="none.obj"/></asset>': "none.obj, which does not exist",
     '<asset><texture name="t" type="2d" file="secret.txt" content_type="image/png"/></asset>': (
         "must end in"
