@@ -73,9 +73,9 @@ def test_runs_equal_those_outside_a_sweep(complete_sweep: bench.SweepResult) -> 
     """Bit for bit at each point, and each run once."""
     table = complete_sweep.rows()
     assert table.num_rows == 2 * 2 * 2 * 3
-    for point in range(complete_sweep.plan.n_points):
+    for point in range(len(complete_sweep.plan.points)):
         sections: dict[str, dict[str, object]] = {}
-        for name, value in complete_sweep.plan.values_at(point).items():
+        for name, value in complete_sweep.plan.points[point].items():
             sections.setdefault(name.split(".")[0], {})[name.split(".")[1]] = value
         single_runs = bits(om.run(scenario(**sections), NAMES, range(3)).rows())
         swept = bits(table.filter(pa.compute.equal(table["point"], point)))
@@ -326,7 +326,7 @@ def test_wheel_models_do_not_share_a_shard() -> None:
     )
     assert [len(shard.runs) for shard in plan.shards] == [4, 4]
     for shard in plan.shards:
-        assert len({plan.values_at(point)["wheels.model"] for point, _ in shard.runs}) == 1
+        assert len({plan.points[point]["wheels.model"] for point, _ in shard.runs}) == 1
 
 
 def test_correlations_and_worst_runs_are_reported(

@@ -291,9 +291,16 @@ def _read_csv(path: Path) -> pa.Table:
     number, separator, names = max(choices, key=lambda choice: _count_known_names(choice[2]))
     if not any(lines[number + 1 :]):
         raise ValueError("Empty CSV file: no line below the names of columns")
-    arrow_tables = [
-        _parse_csv(path, number + 1, names, separator, decimal_point) for decimal_point in ".,"
-    ]
+    arrow_tables = []
+    for decimal_point in ".,":
+        with pa.OSFile(os.fsencode(path)) as file:  # as in `omni_mj.io.parquet`
+            arrow_table = pa.csv.read_csv(
+                file,
+                read_options=pa.csv.ReadOptions(skip_rows=number + 1, column_names=names),
+                parse_options=pa.csv.ParseOptions(delimiter=separator),
+                convert_options=pa.csv.ConvertOptions(decimal_point=decimal_point),
+            )
+        arrow_tables.append(arrow_table)
     return max(arrow_tables, key=_count_number_columns)
 
 
@@ -307,19 +314,6 @@ def _count_number_columns(arrow_table: pa.Table) -> int:
     return _count_known_names(
         field.name for field in arrow_table.schema if not pa.types.is_string(field.type)
     )
-
-
-def _parse_csv(
-    path: Path, n_skipped: int, names: Sequence[str], separator: str, decimal_point: str
-) -> pa.Table:
-    """Parse the lines of a CSV file after the first n_skipped ones."""
-    with pa.OSFile(os.fsencode(path)) as file:  # as in `omni_mj.io.parquet`
-        return pa.csv.read_csv(
-            file,
-            read_options=pa.csv.ReadOptions(skip_rows=n_skipped, column_names=list(names)),
-            parse_options=pa.csv.ParseOptions(delimiter=separator),
-            convert_options=pa.csv.ConvertOptions(decimal_point=decimal_point),
-        )
 
 
 def _to_numbers(path: Path, columns: Columns, names: Sequence[str]) -> Array:

@@ -13,7 +13,6 @@ The limits v and a apply to lengths of vectors in the plane, and to turn rates s
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from itertools import product
 
 import numpy as np
 import scipy.sparse as sp
@@ -40,11 +39,10 @@ COMMAND_PENALTY, CHANGE_PENALTY = 2e-5, 2e-4
 
 CommandFunction = Callable[[Observation], Array]
 INITIAL_CONTROLLERS = ("comp-flc", "adaptive-comp-flc")  # learning starts from their best run
-# Rows that apply the optimized change: fraction of it, and command weight of the regulator, s^2
-OPTIMIZED_ROWS = tuple(product((1.0, 0.3), (0.03, 0.003)))
-# Rows that apply random changes: number, command weight in s^2, standard deviation in m/s and rad/s
-EXPLORING_ROWS, EXPLORING_WEIGHT = 3, 0.1
-EXPLORATION_STD = np.array([0.1, 0.1, 0.5])
+# Rows of a trial: fraction of the optimized change that they apply, and command weight of the
+# regulator, s^2. Rows with the fraction 0 apply random changes instead.
+ROWS = ((1.0, 0.03), (1.0, 0.003), (0.3, 0.03), (0.3, 0.003), (0.0, 0.1), (0.0, 0.1), (0.0, 0.1))
+EXPLORATION_STD = np.array([0.1, 0.1, 0.5])  # of random changes, m/s and rad/s
 # A row is not used to fit the deviation model if its maximum error exceeds both limits.
 MAX_ERROR_RATIO, MAX_ERROR_M = 4.0, 0.05  # relative to the best row; absolute
 HEADING_WEIGHT_M = 0.01  # position error that counts as much as a heading error of 1 rad
@@ -144,9 +142,8 @@ def learn_run(
     n_frames, delay = len(reference), int(settings.radio.delay_frames)
     model = DeviationModel.prior(n_frames, delay, 2 * settings.control.assumed_lag_s)
     best = _initial_run(scenario, start_progress("controllers", n_frames))
-    feedback = [FeedbackSettings(weight) for _, weight in OPTIMIZED_ROWS]
-    feedback += [FeedbackSettings(EXPLORING_WEIGHT)] * EXPLORING_ROWS
-    fractions = np.array([f for f, _ in OPTIMIZED_ROWS] + [0.0] * EXPLORING_ROWS)[:, None]
+    feedback = [FeedbackSettings(weight) for _, weight in ROWS]
+    fractions = np.array([[fraction] for fraction, _ in ROWS])
     random, idle_trials = np.random.default_rng(0), 0
     for trial in range(max_trials + 1):
         history.append({name: float(best.error(name, 0.0)[0]) for name in STATISTIC_LABELS})

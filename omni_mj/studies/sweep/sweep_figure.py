@@ -114,7 +114,7 @@ def _collect(result: SweepResult, *path: str) -> Array:
         path: Keys of the statistic in an entry of the summary's "points".
     """
     labels = result.plan.scenario.labels
-    values = np.full((result.plan.n_points, len(labels)), np.nan)
+    values = np.full((len(result.plan.points), len(labels)), np.nan)
     for statistics in result.summary["points"]:
         value: Any = statistics
         for key in path:

@@ -1,5 +1,6 @@
 """Plan of a sweep: the settings that vary, the points of their grid, and the shards of runs."""
 
+import itertools
 import json
 import math
 import re
@@ -134,20 +135,16 @@ class SweepPlan:
         """Return the fields without cached properties, which other processes compute again."""
         return {field.name: getattr(self, field.name) for field in fields(self)}
 
-    @property
-    def n_points(self) -> int:
-        """Number of points of the grid."""
-        return math.prod(map(len, self.axes.values()))
-
-    def values_at(self, point: int) -> dict[str, SettingValue]:
-        """Return the values of the axes at a point of the grid; the last axis changes fastest."""
-        indices = np.unravel_index(point, [len(values) for values in self.axes.values()])
-        return {name: self.axes[name][i] for name, i in zip(self.axes, indices, strict=True)}
+    @cached_property
+    def points(self) -> list[dict[str, SettingValue]]:
+        """Values of the axes at each point of the grid; the last axis changes fastest."""
+        grid = itertools.product(*self.axes.values())
+        return [dict(zip(self.axes, values, strict=True)) for values in grid]
 
     @cached_property
     def point_scenarios(self) -> list[Scenario]:
         """Scenario at each point."""
-        return [self.scenario_at(point) for point in range(self.n_points)]
+        return [self.scenario_at(point) for point in range(len(self.points))]
 
     def scenario_at(self, point: int) -> Scenario:
         """Return the scenario at a point.
@@ -155,7 +152,7 @@ class SweepPlan:
         Raises:
             OmniError: A value is not valid by itself, or together with the others.
         """
-        values = self.values_at(point)
+        values = self.points[point]
         distributions = {
             name: distribution
             for name, distribution in self.scenario.distributions.items()

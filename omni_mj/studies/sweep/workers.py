@@ -75,8 +75,8 @@ def run_shard(plan: SweepPlan, shard: Shard, after_frame: AfterFrame = ignore_fr
     rows_per_run = len(rows) // len(shard.runs)
     points = np.repeat([point for point, _ in shard.runs], rows_per_run).astype(np.int32)
     columns: dict[str, object] = {"point": points}
-    values = [plan.values_at(point) for point in points.tolist()]
-    columns |= {name: [point_values[name] for point_values in values] for name in plan.axes}
+    for name in plan.axes:
+        columns[name] = [plan.points[point][name] for point in points]
     columns |= list_row_columns(rows, simulation.failures)
     for name in sorted(set(plan.scenario.distributions) - set(plan.axes)):
         columns[name] = [attrgetter(name)(row.settings) for row in rows]
