@@ -197,7 +197,7 @@ class Controller:
             that predicted for the end of the dead time or of the latency, as the controller
             chooses; NaN before the first command; recorded.
         alpha_hat: Estimates of alpha in the latest frame, forward, sideways and turning, (n, 3); 1
-            without an estimate; recorded.
+            without an estimate; recorded. Those of equation 8 are along the axes of the world.
         latency_hat: Estimates of the latency in the latest frame, forward, sideways and turning,
             (n, 3), frames; NaN without an estimate; recorded.
         channels: Further values to record in each frame, by name: (n,) or (n, k).
