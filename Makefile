@@ -1,6 +1,7 @@
-# make run: the paper's experiment · make test: all tests · make check: ruff and mypy · make hooks: the same before each
-# commit · make bench: speed, as ratios · make docs: the site, in build/site · make lessons: the programs of the pages, run · make wheel: what is released, tried
-# make constraints: newer versions of what is installed · make proto: the league's messages, from their .proto files
+# make run: the paper's experiment · make play: robots in the browser · make test: all tests · make check: ruff and
+# mypy · make hooks: the same before each commit · make bench: speed, as ratios · make docs: the site, in build/site ·
+# make lessons: the programs of the pages, run · make wheel: what is released, tried make constraints: newer versions
+# of what is installed · make proto: the league's messages, from their .proto files
 PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
@@ -13,10 +14,13 @@ LOCKED := $(INSTALL) --require-hashes -r
 COMPILE := $(BIN)/uv pip compile -q pyproject.toml --universal --python-version 3.11.5 --generate-hashes --no-header \
   --no-annotate --upgrade
 
-.PHONY: run test check hooks bench docs lessons wheel proto constraints clean
+.PHONY: run play test check hooks bench docs lessons wheel proto constraints clean
 
 run: $(VENV)/.installed
 	$(BIN)/python -m omni_mj.run --scenario rect --controller flc --controller comp-flc --controller adaptive-comp-flc
+
+play: $(VENV)/.installed
+	$(BIN)/python -m omni_mj play --controller flc --controller comp-flc --controller adaptive-comp-flc
 
 # A process for each core, whose matrices are small: threads of their own only wait for each other. Files in their order:
 # those with the fewest tests, which would be last, are not the shortest.

@@ -1,5 +1,6 @@
 """`omni-mj play`: robots in the browser, with sliders, up to three controllers side by side."""
 
+import threading
 import webbrowser
 from collections.abc import Mapping
 from contextlib import closing
@@ -15,6 +16,7 @@ from omni_mj.cli.interrupts import Interrupts
 
 if TYPE_CHECKING:
     from omni_mj.config.scenario import Scenario
+    from omni_mj.play.play_server import PlayServer
 
 
 @click.command("play")
@@ -53,11 +55,32 @@ def play_command(
 
     The program ends 5 s after the last page is closed.
     """
-    from omni_mj.studies.run_scenario import StoppedError
+    reason = None
+    with Interrupts() as interrupts:  # before imports that take a second
+        from omni_mj.studies.run_scenario import StoppedError
 
+        try:
+            with closing(_start_server(scenario_options, name, port, record, interrupts)) as server:
+                if open_page:
+                    webbrowser.open(server.url)
+                server.run()
+        except StoppedError as error:
+            reason = str(error)
+        if sum(not thread.daemon for thread in threading.enumerate()) > 1:
+            interrupts.exit_at_once("the session has ended, but not a thread of a controller")
+    interrupts.exit_if_stopped(reason, "the session has ended")
+
+
+def _start_server(
+    scenario_options: options.ScenarioOptions,
+    name: str,
+    port: int | None,
+    record: Path | None,
+    interrupts: Interrupts,
+) -> "PlayServer":
+    """Return the server of the page, and print its address."""
     try:
         from omni_mj.play.play_server import DEFAULT_PORT, PlayServer
-        from omni_mj.play.play_session import MAX_CONTROLLERS
     except ModuleNotFoundError as error:
         if error.name not in ("viser", "trimesh"):
             raise
@@ -66,28 +89,21 @@ def play_command(
             f"install it with {describe_installation('play')}"
         ) from None
 
-    if len(scenario_options.controllers) > MAX_CONTROLLERS:
-        raise OmniError(f"--controller may be repeated up to {MAX_CONTROLLERS} times")
     if record and record.suffix != ".rrd":
         raise OmniError(f"--record {record} must be a file whose name ends in .rrd")
-    if record and not record.parent.is_dir():
-        raise OmniError(f"--record: there is no folder {record.parent}")
+    if record:
+        try:
+            record.touch()
+        except OSError as error:
+            raise OmniError(f"--record {record} cannot be written: {error.strerror}") from error
 
     def load_scenario(other_name: str | None, top_level: Mapping[str, Any]) -> "Scenario":
         changed = options.ScenarioOptions(**vars(scenario_options) | dict(top_level))
         return changed.load_scenario(other_name or name)
 
-    reason = None
-    with Interrupts() as interrupts:
-        try:
-            with closing(PlayServer(load_scenario, interrupts, port, record)) as server:
-                note = ""
-                if port is None and not server.url.endswith(f":{DEFAULT_PORT}/"):
-                    note = f" (port {DEFAULT_PORT}, which links in the lessons need, is in use)"
-                click.echo(f"playing at {server.url}{note}")
-                if open_page:
-                    webbrowser.open(server.url)
-                server.run()
-        except StoppedError as error:
-            reason = str(error)
-    interrupts.exit_if_stopped(reason, "the session has ended")
+    server = PlayServer(load_scenario, interrupts, port, record)
+    note = ""
+    if port is None and not server.url.endswith(f":{DEFAULT_PORT}/"):
+        note = f" (port {DEFAULT_PORT}, which links in the lessons need, is in use)"
+    click.echo(f"playing at {server.url}{note}")
+    return server

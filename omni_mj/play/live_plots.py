@@ -78,7 +78,8 @@ class LivePlots:
         for handle in self.handles:
             n_lines = len(handle.series) - 1
             lines = self._values[:, column : column + n_lines].T
-            handle.data = (self._times, *np.ascontiguousarray(lines))
+            # uPlot fails to draw axes whose ticks differ by less than 1e-6.
+            handle.data = (self._times, *np.ascontiguousarray(lines.round(3)))
             column += n_lines
 
     def rms_error_cm(self) -> Array:

@@ -26,7 +26,8 @@ if TYPE_CHECKING:
 
     from omni_mj.play.play_server import PlayServer
 
-PANEL_PX, PLOTS_PX = 330, 330
+PANEL_PX, PLOTS_PX = 340, 330
+MAX_PHONE_PX, MIN_VIEW_PX = 576, 120  # as in viser
 SPEEDS = {"1": 1.0, "1/2": 0.5, "1/5": 0.2, "1/20": 0.05}
 DRIVE_SPEED_M_S, DRIVE_TURN_RAD_S = 0.8, 2.5
 CONTROLLER_MENUS = [f"Controller {i + 1}" for i in range(MAX_CONTROLLERS)]
@@ -104,10 +105,10 @@ class PlayPage:
         self._status = gui.add_html("")
         self._add_buttons(
             "pause",
-            {"Pause": self._pause, "Continue": self._continue, "Restart": self._restart},
+            {"Pause": self._pause, "Continue": self.resume, "Restart": self._restart},
         )
         self._speed = gui.add_dropdown("Speed", list(SPEEDS), hint="simulated time over real time")
-        self._on(self._speed.on_update, "pause", lambda _: self._continue())
+        self._on(self._speed.on_update, "pause", lambda _: self.resume())
         repeat = gui.add_checkbox("Repeat", play.repeat, hint="restart when the reference ends")
         self._on(repeat.on_update, "repeat", self._set_repeat)
         self._sliders: dict[str, Any] = {}
@@ -118,15 +119,17 @@ class PlayPage:
         with gui.add_folder("State", expand_by_default=False):
             self._link = gui.add_text("Link", "", multiline=True)
             gui.add_button("Download scenario").on_click(self._download)
-        self._plot_panel = gui.add_panel()
-        self._plot_tab = self._plot_panel.add_tab("Plots")
-        self._plot_panel.dock_left()
-        self._plot_panel.set_width(PLOTS_PX)
-        self._plot_panel.expand()  # on phones
+        panel = gui.add_panel()
+        self._plot_tab = panel.add_tab("Plots")
+        panel.dock_left()
+        panel.set_width(PLOTS_PX)
+        panel.expand()  # on phones
         self._shown_area: Any = None
         web.scene.on_click()(self._set_target)
         self.refresh()
-        web.on_client_connect(self._place_camera)
+        # Whether a browser is a phone, and width over height of its 3-D view, by its number
+        self._windows: dict[int, tuple[bool, float]] = {}
+        web.on_client_connect(self._greet)
 
     def refresh(self, key: str = "") -> None:
         """Show the session as it is after the request of a key."""
@@ -153,6 +156,10 @@ class PlayPage:
         except OmniError:  # a user's file, or faults
             self._link.value = "A link cannot hold this state; download the scenario instead."
 
+    def resume(self) -> None:
+        """Let robots drive at the chosen speed."""
+        self._play.speed = SPEEDS[self._speed.value]
+
     def show_message(self, text: str) -> None:
         """Show an error or a remark until the next request."""
         self._message = text
@@ -161,22 +168,16 @@ class PlayPage:
         """Show time, errors, failures and speed."""
         play, snapshot = self._play, self._play.session.snapshot
         self.plots.send()
-        remarks = [self._message, *snapshot.failures]
         if play.speed and real_time_factor < MIN_REAL_TIME_FACTOR * play.speed:
-            advice = ", or the plant planar" * (play.session.scenario.plant == "mujoco")
-            remarks.append(
-                f"This computer is too slow: {real_time_factor:.2f} x real time. Show fewer "
-                f"controllers{advice}."
-            )
-        state = ""
-        if not play.speed:
-            state = " paused"
-        elif snapshot.has_ended:
-            state = " the reference has ended; the robots rest"
+            state = f"too slow: runs at {real_time_factor:.2f} x real time"
+        elif not play.speed:
+            state = "paused"
+        else:
+            state = "the reference has ended; the robots rest" * snapshot.has_ended
         rows = "".join(
             f'<tr><td style="color:rgb{color}">&#9632; {html.escape(label)}</td>'
             f'<td align="right">{"" if np.isnan(error) else f"{error:.1f}"}</td>'
-            f'<td align="right">{rms:.1f}</td></tr>'
+            f'<td align="right">{"" if np.isnan(rms) else f"{rms:.1f}"}</td></tr>'
             for label, color, error, rms in zip(
                 play.session.labels,
                 play.session.colors,
@@ -186,10 +187,12 @@ class PlayPage:
             )
         )
         lines = "".join(
-            f'<div style="color:#c00">{html.escape(text)}</div>' for text in remarks if text
+            f'<div style="color:#c00;overflow-wrap:anywhere">{html.escape(text)}</div>'
+            for text in (self._message, *snapshot.failures)
+            if text
         )
         self._status.content = (
-            f'<div style="padding:0 1em;font-size:0.9em"><b>{snapshot.time_s:.1f} s</b>{state}'
+            f'<div style="padding:0 1em;font-size:0.9em"><b>{snapshot.time_s:.1f} s</b> {state}'
             f'<table width="100%"><tr><td></td><td align="right">error, cm</td>'
             f'<td align="right">rms of 10 s</td></tr>{rows}</table>{lines}'
             f'<div style="color:gray">arrows: error x {scene.ERROR_SCALE}; '
@@ -205,8 +208,9 @@ class PlayPage:
         area = [*self.view.center, self.view.size_m]
         if area != self._shown_area:
             self._shown_area = area
-            for client in self._web.get_clients().values():
-                self._place_camera(client)
+            for number, client in self._web.get_clients().items():
+                if number in self._windows:  # not only just connected
+                    self._place_camera(client)
         with self._plot_tab:
             self.plots = LivePlots(self._gui, session)
         self._add_sliders()
@@ -294,8 +298,11 @@ class PlayPage:
                 self._play.load(value, {"controllers": specs})  # only with a robot of its own
                 reset = "Robot, plant and sliders are"
             self.show_message(f"{reset} those of the {label.lower()} {value} again.")
-        else:
-            self._play.session.restart(scenario.replace(plant=values["Plant"]), specs)
+        else:  # on the plant, it depends whether JAX is available
+            settings = scenario.settings.replace(physics={"backend": "auto"})
+            scenario = scenario.replace(plant=values["Plant"], settings=settings)
+            self._play.session.restart(scenario, specs)
+        self.resume()
 
     def _add_disturbances(self) -> None:
         """Add what can happen to the robots."""
@@ -325,8 +332,8 @@ class PlayPage:
 
         with gui.add_folder("Drive"):
             gui.add_markdown(
-                "Click on the field to set a target. Keys: I, J, K, L; U, O turn; X stops. "
-                "Restart follows the scenario again."
+                "Click on the field to set a target. Keys, unless a menu or box is in use: I, J, "
+                "K, L; U, O turn; X stops. Restart follows the scenario again."
             )
             self._add_buttons("drive", {label: partial(drive, label) for label in DRIVE_KEYS})
         for label, (key, _) in DRIVE_KEYS.items():
@@ -349,10 +356,7 @@ class PlayPage:
 
     def _restart(self) -> None:
         self._play.session.restart()
-        self._continue()
-
-    def _continue(self) -> None:
-        self._play.speed = SPEEDS[self._speed.value]
+        self.resume()
 
     def _set_repeat(self, is_on: bool) -> None:
         self._play.repeat = is_on
@@ -364,13 +368,21 @@ class PlayPage:
             f"{scenario.name}.toml", scenario.to_toml().encode(), save_immediately=True
         )
 
+    def _greet(self, client: "viser.ClientHandle") -> None:
+        """Store the window of a new page, whose panels are not open yet, and place its camera."""
+        camera = client.camera
+        is_phone = camera.image_width < MAX_PHONE_PX
+        view_px = camera.image_width - (0 if is_phone else PANEL_PX + PLOTS_PX)
+        self._windows[client.client_id] = is_phone, max(view_px, MIN_VIEW_PX) / camera.image_height
+        self._place_camera(client)
+
     def _place_camera(self, client: "viser.ClientHandle") -> None:
-        """Let a page look at the reference, from farther away in a narrow window."""
+        """Let a page look at the reference, from farther away in a narrow view."""
+        is_phone, aspect = self._windows[client.client_id]
         x, y = self.view.center
-        aspect = client.camera.aspect
-        distance = 0.65 * self.view.size_m * max(1.0, (1.3 if aspect > 1 else 0.8) / aspect)
+        distance = 0.65 * self.view.size_m * max(1.0, 0.95 / aspect)
         client.camera.position = (x, y - 0.8 * distance, 0.8 * distance)
-        is_phone = aspect < 1  # the controls cover the lower half
+        # On phones, the controls cover the lower half.
         client.camera.look_at = (x, y - 0.5 * distance * is_phone, 0.0)
 
     def _add_buttons(self, key: str, actions: Mapping[str, Callable[[], None]]) -> None:

@@ -19,16 +19,14 @@ from omni_mj.live.sockets import LOOPBACK
 from omni_mj.play.play_page import PlayPage
 from omni_mj.play.play_session import MAX_CONTROLLERS, PlaySession
 from omni_mj.play.state_links import load_link
-from omni_mj.play.time_limit import USER_LIMIT_S, TimeLimitError, limit_time
+from omni_mj.play.time_limit import LIMIT_S, USER_LIMIT_S, TimeLimitError, limit_time
 from omni_mj.studies.run_scenario import StoppedError, quiet_mujoco
 
 DEFAULT_PORT = 8642
 PLOT_PERIOD_S = 0.2
 IDLE_S = 0.03  # between checks while nothing moves
 CLOSED_S = 5.0  # without a page, after the last one was closed, until the program ends
-ACTION_LIMIT_S = 60.0  # longest time of a restart
 MAX_LAG_S = 0.1  # behind real time, after which frames are dropped
-MAX_HEAD_BYTES = 65_536  # of an HTTP request
 
 LoadScenario = Callable[[str | None, Mapping[str, Any]], Scenario]
 
@@ -80,7 +78,7 @@ class PlayServer:
         self._frames, self._real_time_factor = 0, math.inf
         self._seen_page_at: float | None = None
         try:  # users' files may import large packages
-            with self._limit_time(ACTION_LIMIT_S, user_limit_s=ACTION_LIMIT_S):
+            with self._limit_time(user_limit_s=LIMIT_S):
                 scenario = load_scenario(None, {})
                 self.session = PlaySession(scenario, record=record)
         except TimeLimitError as error:
@@ -114,18 +112,17 @@ class PlayServer:
             StoppedError: A signal came.
         """
         due = plotted = rate_measured = time.monotonic()
-        snapshot = self.session.snapshot
         while not self._is_left():
             self._stop_requests.check()
             if self._requests:
                 self._carry_out_requests()
                 rate_measured, self._frames = time.monotonic(), 0
             if self.speed and self._viser.get_clients():
-                snapshot = self._advance()
-                if snapshot.has_ended and self.repeat:
-                    self.request("repeat", self.session.restart)
+                self._advance()
                 self._frames += 1
-                self.page.plots.add(snapshot)
+                self.page.plots.add(self.session.snapshot)
+                if self.session.snapshot.has_ended and self.repeat:
+                    self.request("repeat", self.session.restart)
                 due = max(due + PERIOD_S / (self.speed or 1), time.monotonic() - MAX_LAG_S)
             else:
                 due = rate_measured = max(due, time.monotonic() + IDLE_S)
@@ -158,9 +155,9 @@ class PlayServer:
         if left_out := ", ".join(labels):
             self.page.show_message(f"Left out: {left_out}. At most {MAX_CONTROLLERS} are shown.")
 
-    def _limit_time(self, limit_s: float, **limits: float) -> AbstractContextManager[None]:
+    def _limit_time(self, user_limit_s: float = USER_LIMIT_S) -> AbstractContextManager[None]:
         """Limit the time of a block; see `limit_time`."""
-        return limit_time(limit_s, self._must_end, self._end_at_once, **limits)
+        return limit_time(self._must_end, self._end_at_once, user_limit_s)
 
     def _must_end(self) -> bool:
         """Return whether a signal came, or all pages are closed."""
@@ -175,15 +172,14 @@ class PlayServer:
             self.session.close()
         self._stop_requests.exit_at_once(message)
 
-    def _advance(self) -> Any:
+    def _advance(self) -> None:
         """Advance by a frame. Pause if that takes too long."""
         try:
-            with self._limit_time(USER_LIMIT_S):
-                return self.session.advance()
+            with self._limit_time():
+                self.session.advance()
         except TimeLimitError as error:
             self.page.show_message(f"Paused: {error}. Restart, or choose other controllers.")
             self.speed = 0.0
-            return self.session.snapshot
 
     def _carry_out_requests(self) -> None:
         """Carry out what the pages asked for. Errors are shown on the page."""
@@ -195,7 +191,7 @@ class PlayServer:
                 self.page.show_message("")
             for step in (action, partial(self.page.refresh, key)):
                 try:
-                    with self._limit_time(ACTION_LIMIT_S):
+                    with self._limit_time():
                         step()
                 except (OmniError, TimeLimitError) as error:
                     self.page.show_message(str(error))
@@ -208,7 +204,12 @@ class PlayServer:
                     modified = Path(spec.rpartition(":")[0]).stat().st_mtime
                     if modified > self._file_times.setdefault(spec, modified):
                         self._file_times[spec] = modified
-                        self.request("reload", partial(self.session.reload_controller, spec))
+                        self.request("reload", partial(self._reload, spec))
+
+    def _reload(self, spec: plugins.ControllerSpec) -> None:
+        """Restart with the new code of a file, also if its old code paused the session."""
+        self.session.reload_controller(spec)
+        self.page.resume()
 
     def _is_left(self) -> bool:
         """Return whether there were pages, and all of them are closed."""
@@ -221,7 +222,7 @@ class PlayServer:
         """Accept connections of browsers, and return the port."""
         loop = self._viser.get_event_loop()
         for candidate in (DEFAULT_PORT, 0) if port is None else (port,):
-            server = asyncio.start_server(self._connect, LOOPBACK, candidate, limit=MAX_HEAD_BYTES)
+            server = asyncio.start_server(self._connect, LOOPBACK, candidate)
             try:
                 listener = asyncio.run_coroutine_threadsafe(server, loop).result()
             except OSError:
@@ -241,7 +242,7 @@ class PlayServer:
         lines = head.decode("latin-1").split("\r\n")
         headers = dict(line.lower().split(": ", 1) for line in lines[1:] if ": " in line)
         host = headers.get("host", "")
-        if urlsplit(f"//{host}").hostname not in (LOOPBACK, "localhost") or (
+        if host.partition(":")[0] not in (LOOPBACK, "localhost") or (
             headers.get("origin", f"http://{host}") != f"http://{host}"
         ):
             return await _respond(writer, "403 Forbidden")
@@ -270,7 +271,7 @@ async def _respond(writer: asyncio.StreamWriter, status: str) -> None:
 async def _pass_on(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
     """Copy bytes until the end of the stream."""
     with suppress(ConnectionError):
-        while data := await reader.read(MAX_HEAD_BYTES):
+        while data := await reader.read(65_536):
             writer.write(data)
             await writer.drain()
     writer.close()

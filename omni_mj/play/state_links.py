@@ -1,6 +1,6 @@
 """Links with the state of a session: names of scenario and robots, and settings that differ."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from typing import Any
 from urllib.parse import parse_qsl, urlencode
 
@@ -63,24 +63,27 @@ def load_link(query: str) -> Scenario:
 
 def _load_builtin(values: Mapping[str, str]) -> Scenario:
     """Return a scenario of this package with other values. A link must not name files."""
-    known_names = {
+    known_names: dict[str, Iterable[str]] = {
         "scenario": find_builtin_files("scenarios"),
         "robot": find_builtin_files("robots"),
         "plant": PLANTS,
         "controllers": CONTROLLERS,
     }
-    for key, known in known_names.items():
-        for name in values[key].split(",") if key in values else ():
-            if name not in known:
-                raise OmniError(f"unknown {key} {name!r} in a link; {suggest_names(name, known)}")
-    overrides = [f"{key}={value}" for key, value in values.items() if "." in key]
+    overrides, top_level = list[str](), dict[str, Any]()
+    for key, value in values.items():
+        if "." in key:
+            overrides.append(f"{key}={value}")
+        elif key == "seed":
+            top_level[key] = int(value) if value.isdecimal() else value
+        elif known := known_names.get(key):
+            names = value.split(",")
+            for name in names:
+                if name not in known:
+                    hint = suggest_names(name, known)
+                    raise OmniError(f"unknown {key} {name!r} in a link; {hint}")
+            top_level[key] = names if key == "controllers" else value
+        else:
+            raise OmniError(f"a link has no {key!r}; {suggest_names(key, [*known_names, 'seed'])}")
     if any(override.startswith(NOT_IN_LINKS) for override in overrides):
         raise OmniError(f"a link cannot set {' or '.join(NOT_IN_LINKS)}")
-    top_level: dict[str, object] = {
-        key: value for key, value in values.items() if "." not in key and key != "scenario"
-    }
-    if "controllers" in top_level:
-        top_level["controllers"] = values["controllers"].split(",")
-    if "seed" in top_level:
-        top_level["seed"] = int(values["seed"]) if values["seed"].isdecimal() else values["seed"]
-    return load_with_overrides(values.get("scenario", "rect"), overrides, top_level)
+    return load_with_overrides(top_level.pop("scenario", "rect"), overrides, top_level)

@@ -9,6 +9,7 @@ from types import FrameType
 
 from omni_mj.config.plugins import USER_MODULE_PREFIX
 
+LIMIT_S = 60.0
 USER_LIMIT_S = 3.0  # longest time in a user's file
 TICK_S = 0.2
 MAX_EXCEPTIONS = 5  # that a block may swallow
@@ -20,15 +21,13 @@ class TimeLimitError(BaseException):
 
 @contextmanager
 def limit_time(
-    limit_s: float,
     must_end: Callable[[], bool],
     end: Callable[[str], object],
     user_limit_s: float = USER_LIMIT_S,
 ) -> Iterator[None]:
-    """Raise `TimeLimitError` in the main thread, again and again, if the block takes too long.
+    """Raise `TimeLimitError` in the main thread, again and again, if the block takes over 60 s.
 
     Args:
-        limit_s: Longest time, s.
         must_end: Returns whether the program must end, which ends the block within 0.2 s.
         end: Ends the program, given a message, if the block swallows all exceptions.
         user_limit_s: Longest time in users' files, s.
@@ -40,7 +39,7 @@ def limit_time(
         nonlocal user_s, n_exceptions
         line = _find_user_line(frame)
         user_s = user_s + TICK_S if line else 0.0
-        seconds = user_limit_s if user_s >= user_limit_s else limit_s
+        seconds = user_limit_s if user_s >= user_limit_s else LIMIT_S
         is_over = max(user_s, time.monotonic() - start) >= seconds
         if not (is_over or n_exceptions or must_end()):
             return

@@ -128,6 +128,8 @@ class ChangeableSimulation(Simulation):
 
     def stop_rows(self, rows: np.ndarray, cause: object) -> None:
         """Stop rows, given by their indices, until the end; the cause becomes their failure."""
+        self.failures = [failure for failure in self.failures if failure.row not in rows]
+        self._is_stopped[rows] = False
         self._stop(rows, cause)
         self.team.stop(rows)
 

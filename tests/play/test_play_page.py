@@ -23,6 +23,10 @@ from omni_mj.config.scenario import load_scenario
 from omni_mj.viz import style
 
 pytest.importorskip("viser", reason="the extra play is not installed")
+import viser
+
+from omni_mj.play.live_plots import LivePlots
+from omni_mj.play.play_session import PlaySession
 from omni_mj.play.state_links import format_link, load_link
 
 CHROMIUM = next(
@@ -119,7 +123,7 @@ import time
 print("running", flush=True)
 while True:
     try: time.sleep(9)
-    except {exception}: pass
+    except Exception: pass
 """
 
 
@@ -137,22 +141,28 @@ def choose(page: Any, label: str, option: str) -> None:
 def count_pixels(page: Any, controller: str) -> int:
     """Count pixels of the 3-D view in the color of a controller."""
     color = style.rgb(style.color(style.style_indices([controller])[controller]))
-    png = page.screenshot(clip={"x": 335, "y": 130, "width": 230, "height": 360})
+    png = page.screenshot(clip={"x": 345, "y": 150, "width": 210, "height": 1300})
     pixels = np.asarray(Image.open(io.BytesIO(png)).convert("RGB"), int)
     return int((np.abs(pixels - color).max(axis=2) < 40).sum())
 
 
 def test_a_saved_file_that_hangs_is_named_until_it_is_saved_again(browser: Browser) -> None:
-    """Also in the import, and if it catches exceptions. A link may name too many controllers."""
-    page, url, mine = browser
+    """Then its robot drives again, and the page is not paused."""
+    page, _, mine = browser
     message = "longer than 3 s"
     choose(page, "Controller 1", f"{mine}:Mine")
     page.get_by_text("Mine").first.wait_for()
     page.wait_for_timeout(600)
-    mine.write_text(HANG.format(exception="Exception") + CONTROLLER.format(line="pass"))
+    mine.write_text(CONTROLLER.format(line="exec(HANG)") + f"HANG = {HANG!r}")
     page.get_by_text(message).first.wait_for()
+    page.get_by_text("s paused").wait_for()
     mine.write_text(CONTROLLER.format(line="pass"))
     page.get_by_text(message).first.wait_for(state="detached")
+    page.get_by_text("s paused").wait_for(state="detached")
+
+
+def test_a_link_with_too_many_controllers_names_those_left_out(browser: Browser) -> None:
+    page, url, _ = browser
     page.goto(f"{url}?plant=kinematic&controllers=p,flc,comp-flc,inverse-flc")
     page.get_by_text("Left out: inverse-flc").wait_for()
 
@@ -203,7 +213,7 @@ def test_a_slider_makes_a_robot_oscillate_and_a_click_lets_it_arrive(browser: Br
 
 def test_a_signal_ends_a_file_that_hangs_whatever_it_catches(tmp_path: Path) -> None:
     mine = tmp_path / "mine.py"
-    mine.write_text(HANG.format(exception="BaseException"))
+    mine.write_text(HANG.replace("Exception", "BaseException"))
     with play("--controller", f"{mine}:Mine") as (_, process):
         process.send_signal(signal.SIGHUP)
         assert process.wait(TIMEOUT_S) == 128 + signal.SIGHUP
@@ -211,32 +221,64 @@ def test_a_signal_ends_a_file_that_hangs_whatever_it_catches(tmp_path: Path) -> 
         assert "of mine.py hangs and could not be stopped" in process.stderr.read()
 
 
-def test_a_signal_ends_it_and_frees_the_port() -> None:
-    """The first line says that the port of links is in use. The port is then another one."""
+def test_a_signal_ends_it_and_frees_the_port(tmp_path: Path) -> None:
+    """Also if a thread of a controller runs on. The first line says why links do not work."""
+    mine = tmp_path / "mine.py"
+    thread = "import threading, time\nthreading.Thread(target=time.sleep, args=(99,)).start()\n"
+    mine.write_text(thread + CONTROLLER.format(line="pass"))
     with socket.socket() as occupied:
         with suppress(OSError):  # then another program occupies it
             occupied.bind(("127.0.0.1", 8642))
             occupied.listen()
-        with play(port="") as (line, process):
+        with play("--controller", f"{mine}:Mine", port="") as (line, process):
             url, note = line.split(maxsplit=1)
             assert "8642, which links in the lessons need, is in use" in note
             process.send_signal(signal.SIGTERM)
             assert process.wait(TIMEOUT_S) == 128 + signal.SIGTERM
+            assert process.stderr
+            assert "but not a thread of a controller" in process.stderr.read()
     with socket.socket() as free:
         free.bind(("127.0.0.1", int(url.rstrip("/").rpartition(":")[2])))
 
 
-def test_a_recording_must_end_in_rrd(capsys: pytest.CaptureFixture[str]) -> None:
-    assert invoke("play", "--record", "x.txt") == 2
-    assert "x.txt must be a file whose name ends in .rrd" in capsys.readouterr().err
+@pytest.mark.parametrize(
+    ("path", "message"),
+    [
+        ("x.txt", "x.txt must be a file whose name ends in .rrd"),
+        ("/proc/x.rrd", "/proc/x.rrd cannot be written"),
+    ],
+)
+def test_a_recording_is_refused_at_the_start(
+    path: str, message: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert invoke("play", "--record", path) == 2
+    assert message in capsys.readouterr().err
 
 
 def test_pages_of_other_sites_are_refused() -> None:
     with play() as (url, _):
         assert b"<html" in urlopen(url, timeout=10).read()
-        for headers in ({"Host": "evil.example"}, {"Origin": "http://evil.example"}):
+        for headers in (
+            {"Host": "evil.example"},
+            {"Host": "[::1"},
+            {"Origin": "http://evil.example"},
+        ):
             with pytest.raises(OSError, match="403"):
                 urlopen(Request(url, headers=headers), timeout=10)
+
+
+def test_values_of_a_plot_are_equal_or_differ_enough_for_axes() -> None:
+    """Browsers fail to draw ticks that differ by less than 1e-6, as of windings at the start."""
+    played = PlaySession(load_scenario("rect", plant="planar"), ("flc",))
+    web = viser.ViserServer("127.0.0.1", port=0, verbose=False)
+    plots = LivePlots(web.gui, played)
+    for _ in range(20):
+        plots.add(played.advance())
+    plots.send()
+    web.stop()
+    for handle in plots.handles:
+        for values in handle.data:
+            assert (np.diff(np.unique(values[np.isfinite(values)])) > 1e-6).all()
 
 
 def test_a_link_holds_the_state() -> None:
@@ -257,6 +299,8 @@ def test_a_link_holds_the_state() -> None:
         "radio.delay_frames=-1",
         "seed=x",
         "nonsense=1",
+        "name=x&scenario=league",
+        "seeds=3",
         "radio.=",
         "%ff=%00",
     ],

@@ -276,6 +276,10 @@ def test_a_file_with_an_error_lets_its_robot_stand_until_it_is_correct(tmp_path:
     played.reload_controller(spec)
     (failure,) = play(played, 2)[-1].failures
     assert "mine.py, line 7" in failure
+    file.write_text(STILL.replace("0 * observation", "0 ** ("))
+    played.reload_controller(spec)
+    (failure,) = play(played, 2)[-1].failures
+    assert "mine.py cannot be run: SyntaxError" in failure, "the latest error"
     file.write_text("import sys\n" + STILL.replace("0 * observation.pose", "sys.exit()"))
     played.reload_controller(spec)
     (failure,) = play(played, 2)[-1].failures
