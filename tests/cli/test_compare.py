@@ -116,7 +116,7 @@ def test_a_signal_keeps_the_finished_scenarios(
             "out",
         )
     assert code == 143
-    assert "1 of 2 scenarios are in out" in capsys.readouterr().err.splitlines()[-1]
+    assert "1 of 2 scenarios in out" in capsys.readouterr().err.splitlines()[-1]
     result = strict(Path("out/summary.json"))
     assert (result["complete"], result["stopped"]) == (False, "terminated")
     assert [entry["status"] for entry in result["scenarios"].values()] == ["done", "not run"]
