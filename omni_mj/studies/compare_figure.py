@@ -51,7 +51,11 @@ def draw_heat_map(entries: dict[str, Entry], privileged: list[str], figure: Figu
     scenarios = sorted(entries, key=lambda name: name.startswith("fault"))
     controllers = list(dict.fromkeys(name for e in entries.values() for name in e["results"]))
     baseline = BASELINE if BASELINE in controllers else controllers[0]
-    errors = _mean_maximum_errors([entries[name] for name in scenarios], controllers)
+    # Errors in m: infinite if a seed failed, NaN if the controller was not run
+    errors = np.full((len(scenarios), len(controllers)), np.nan)
+    for i, scenario in enumerate(scenarios):
+        for name, result in entries[scenario]["results"].items():
+            errors[i, controllers.index(name)] = mean_position_error(result, "max")
     finite_errors = np.where(np.isfinite(errors), errors, np.nan)
     ratios = finite_errors / finite_errors[:, [controllers.index(baseline)]]
     width, height = CELL_SIZE
@@ -76,18 +80,6 @@ def draw_heat_map(entries: dict[str, Entry], privileged: list[str], figure: Figu
     figure.suptitle(
         f"Maximum position error in cm, mean over seeds (n = {n_seeds}); bold: smallest error"
     )
-
-
-def _mean_maximum_errors(entries: list[Entry], controllers: list[str]) -> Array:
-    """Return maximum position errors, averaged over the seeds, (scenarios, controllers) m.
-
-    An error is infinite if a seed failed, and NaN if the controller was not run.
-    """
-    errors = np.full((len(entries), len(controllers)), np.nan)
-    for i, entry in enumerate(entries):
-        for name, result in entry["results"].items():
-            errors[i, controllers.index(name)] = mean_position_error(result, "max")
-    return errors
 
 
 def _write_errors(axes: Axes, errors: Array, ratios: Array, is_privileged: np.ndarray) -> None:

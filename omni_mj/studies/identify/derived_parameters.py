@@ -240,12 +240,12 @@ def derive_parameters(
     }
     slip = nominal_model.compute_creep_law(settings.model_copy(update=sections))
     (forward, sideways, turning), drag = map(float, slip.gain), slip.drag / settings.body.mass_kg
+    unchanged = ("rolling_resistance", "roller_friction", "heading_offset_rad")
     derived = {
         "clock_offset_s" if by_wheels else DEAD_TIME: p[DEAD_TIME],
         "creep_stiffness": stiffness,
+        **{name: p[name] for name in unchanged},
     }
-    for name in ("rolling_resistance", "roller_friction", "heading_offset_rad"):
-        derived[name] = p[name]
     if by_wheels:
         gain_turning = scale / p["arm"] * turning
         derived |= {"radius_m": settings.wheels.radius_m * scale, "arm_m": arm}

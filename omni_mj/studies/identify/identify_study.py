@@ -97,15 +97,14 @@ class IdentificationResult:
         for source in dict.fromkeys(estimate.source for estimate in self.estimates.values()):
             rows = [_estimate_row(e) for e in self.estimates.values() if e.source == source]
             lines += [format_table(Table(f"by {source}", headings, rows, 2)), ""]
-        for source, fit in self.fits.items():
+        lines += [
+            f"motion by {source}: residuals of {quantity} {1e3 * residuals.rms:.2f} {unit}, "
+            f"noise alone {1e3 * residuals.noise:.2f} {unit}"
+            for source, fit in self.fits.items()
             for (quantity, residuals), unit in zip(
                 fit.residuals.items(), ("mm", "mrad"), strict=True
-            ):
-                rms, noise = 1e3 * residuals.rms, 1e3 * residuals.noise
-                lines.append(
-                    f"motion by {source}: residuals of {quantity} {rms:.2f} {unit}, "
-                    f"noise alone {noise:.2f} {unit}"
-                )
+            )
+        ]
         lines += [
             self._describe_prediction(source, prediction)
             for source, prediction in self.predictions.items()
@@ -309,9 +308,9 @@ def _choose_prior(result: IdentificationResult, fit: Fit, nominal: Parameters) -
         deviation = fit.parameters["scale"] - 1
         sigma = fit.misfit_ratio * fit.covariance[i, i] ** 0.5
         if abs(deviation) > max(MAX_RADIUS_SIGMAS * sigma, MAX_RADIUS_DEVIATION):
-            percent = f"{100 * deviation:+.1f} +- {100 * sigma:.1f} %"
             result.remarks.append(
-                f"wheels: their radius is not that of the robot's file: {percent}"
+                "wheels: their radius is not that of the robot's file: "
+                f"{100 * deviation:+.1f} +- {100 * sigma:.1f} %"
             )
         else:
             error[i] = RADIUS_ERROR
