@@ -8,7 +8,7 @@ the package's controllers drive the scenario with the same seeds.
 import time
 from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
-from itertools import product
+from itertools import product, starmap
 from typing import Any
 
 from omni_control.arguments import check_types
@@ -47,8 +47,7 @@ SEEDS, ITERATIONS = 20, 16  # defaults
 # The feedback is tuned on this many seeds, counted from the scenario's seed plus an offset.
 TUNING_SEEDS, TUNING_SEED_OFFSET = 5, 1_000_000
 TUNING_GRID = tuple(
-    FeedbackSettings(weight, noise_factor)
-    for weight, noise_factor in product((0.0003, 0.001, 0.003, 0.01, 0.03), (0.1, 0.3, 1.0))
+    starmap(FeedbackSettings, product((0.0003, 0.001, 0.003, 0.01, 0.03), (0.1, 0.3, 1.0)))
 )
 DEFINITIONS = {
     "limit": (

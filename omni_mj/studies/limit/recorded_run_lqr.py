@@ -14,7 +14,7 @@ optimal for a robot with dead time (D. L. Kleinman, IEEE Trans. Automatic Contro
 """
 
 from collections.abc import Sequence
-from functools import cache
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -255,7 +255,7 @@ def _process_noise(scenario: Scenario) -> tuple[Array, float, float]:
     return deviations, speed_error_sigma, decay
 
 
-@cache  # robots share weights
+@lru_cache(maxsize=8)  # robots share weights
 def regulator_gains(model: DeviationModel, weight: float) -> Array:
     """Compute the gains of the time-varying linear quadratic regulator.
 
