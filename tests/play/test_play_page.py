@@ -221,7 +221,7 @@ def test_a_signal_ends_a_file_that_hangs_whatever_it_catches(tmp_path: Path) -> 
         assert "of mine.py hangs and could not be stopped" in process.stderr.read()
 
 
-def test_a_signal_ends_it_and_frees_the_port(tmp_path: Path) -> None:
+def test_pages_of_other_sites_are_refused_and_a_signal_frees_the_port(tmp_path: Path) -> None:
     """Also if a thread of a controller runs on. The first line says why links do not work."""
     mine = tmp_path / "mine.py"
     thread = "import threading, time\nthreading.Thread(target=time.sleep, args=(99,)).start()\n"
@@ -233,12 +233,19 @@ def test_a_signal_ends_it_and_frees_the_port(tmp_path: Path) -> None:
         with play("--controller", f"{mine}:Mine", port="") as (line, process):
             url, note = line.split(maxsplit=1)
             assert "8642, which links in the lessons need, is in use" in note
+            assert b"<html" in urlopen(url, timeout=10).read()
+            for headers in (
+                {"Host": "evil.example"},
+                {"Host": "[::1"},
+                {"Origin": "http://evil.example"},
+            ):
+                with pytest.raises(OSError, match="403"):
+                    urlopen(Request(url, headers=headers), timeout=10)
             process.send_signal(signal.SIGTERM)
             assert process.wait(TIMEOUT_S) == 128 + signal.SIGTERM
             assert process.stderr
             assert "but not a thread of a controller" in process.stderr.read()
-    with socket.socket() as free:
-        free.bind(("127.0.0.1", int(url.rstrip("/").rpartition(":")[2])))
+    socket.create_server(("127.0.0.1", int(url.rstrip("/").rpartition(":")[2]))).close()
 
 
 @pytest.mark.parametrize(
@@ -253,18 +260,6 @@ def test_a_recording_is_refused_at_the_start(
 ) -> None:
     assert invoke("play", "--record", path) == 2
     assert message in capsys.readouterr().err
-
-
-def test_pages_of_other_sites_are_refused() -> None:
-    with play() as (url, _):
-        assert b"<html" in urlopen(url, timeout=10).read()
-        for headers in (
-            {"Host": "evil.example"},
-            {"Host": "[::1"},
-            {"Origin": "http://evil.example"},
-        ):
-            with pytest.raises(OSError, match="403"):
-                urlopen(Request(url, headers=headers), timeout=10)
 
 
 def test_values_of_a_plot_are_equal_or_differ_enough_for_axes() -> None:

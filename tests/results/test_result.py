@@ -1,5 +1,6 @@
 """Summary, tables and files of a result agree with each other and with the frames."""
 
+import importlib.util
 import json
 from pathlib import Path
 from typing import Any
@@ -14,7 +15,8 @@ import omni_mj as om
 from omni_mj.results.summary_sentence import summary_sentence
 
 SEEDS = (3, 4, 5)
-RECT = om.load_scenario("rect", plant="planar")
+BACKEND = "jax" if importlib.util.find_spec("jax") else "numpy"  # jax is faster, but an extra
+RECT = om.load_scenario("rect", plant="planar", physics={"backend": BACKEND})
 
 
 @pytest.fixture(scope="module")
