@@ -330,8 +330,8 @@ def _integrate_step(
         Body twists at the end, and displacements, body frame, (..., 3).
     """
     unit = np.eye(3)
-    x = h[..., None] * np.linalg.solve(mass, resistance)
-    impulse = h * np.linalg.solve(mass, force[..., None])[..., 0]
+    rates = h[..., None] * np.linalg.solve(mass, np.concatenate([resistance, force[..., None]], -1))
+    x, impulse = rates[..., :3], rates[..., 3]
     upper = unit + 0.5 * x
     change = _apply(upper, impulse)
     rhs_displacement = h * _apply(upper, start) + 0.5 * h * (2 * change - impulse)
