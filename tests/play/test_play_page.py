@@ -60,8 +60,8 @@ def play(*args: str, port: str = "--port=0") -> Iterator[tuple[str, subprocess.P
             process.kill()
 
 
-# Draw two pictures per second, because one takes 0.2 s without a graphics card.
-SLOW_PICTURES = "requestAnimationFrame = draw => setTimeout(() => draw(performance.now()), 500)"
+# Draw one picture per second, because one takes 0.2 s without a graphics card.
+SLOW_PICTURES = "requestAnimationFrame = draw => setTimeout(() => draw(performance.now()), 1000)"
 
 
 @contextmanager
@@ -80,7 +80,7 @@ def browse(url: str) -> Iterator[Any]:
 
 
 class Browser(NamedTuple):
-    """A page that plays a controller of the file `mine.py`.
+    """A page, opened by a link with four controllers, that may play that of the file `mine.py`.
 
     Attributes:
         page: The page.
@@ -98,7 +98,7 @@ def browser(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Browser]:
     mine = tmp_path_factory.mktemp("browser") / "mine.py"
     mine.write_text(CONTROLLER.format(line="pass"))
     with play("--plant", "kinematic", "--controller", f"{mine}:Mine") as (url, process):
-        with browse(url) as page:
+        with browse(f"{url}?plant=kinematic&controllers=p,flc,comp-flc,inverse-flc") as page:
             yield Browser(page, url, mine)
         # The last page is closed.
         assert process.wait(TIMEOUT_S) == 0
@@ -146,6 +146,10 @@ def count_pixels(page: Any, controller: str) -> int:
     return int((np.abs(pixels - color).max(axis=2) < 40).sum())
 
 
+def test_a_link_with_too_many_controllers_names_those_left_out(browser: Browser) -> None:
+    browser.page.get_by_text("Left out: inverse-flc").wait_for()
+
+
 def test_a_saved_file_that_hangs_is_named_until_it_is_saved_again(browser: Browser) -> None:
     """Then its robot drives again, and the page is not paused."""
     page, _, mine = browser
@@ -161,17 +165,10 @@ def test_a_saved_file_that_hangs_is_named_until_it_is_saved_again(browser: Brows
     page.get_by_text("s paused").wait_for(state="detached")
 
 
-def test_a_link_with_too_many_controllers_names_those_left_out(browser: Browser) -> None:
-    page, url, _ = browser
-    page.goto(f"{url}?plant=kinematic&controllers=p,flc,comp-flc,inverse-flc")
-    page.get_by_text("Left out: inverse-flc").wait_for()
-
-
 def test_controls_change_only_what_they_say(browser: Browser) -> None:
     """Arrows on a slider do not drive, and another scenario keeps the plant and is in view."""
     page = browser.page
     play_p(browser)
-    page.set_viewport_size({"width": 900, "height": 1500})
     page.locator("tr", has_text="p").last.wait_for()
     page.get_by_role("slider").first.focus()
     page.keyboard.press("ArrowRight")
@@ -188,6 +185,7 @@ def test_controls_change_only_what_they_say(browser: Browser) -> None:
     choose(page, "Scenario", "league")
     page.get_by_text("The sliders are those of the scenario league again").wait_for()
     assert page.get_by_label("Plant", exact=True).first.input_value() == "kinematic"
+    page.set_viewport_size({"width": 900, "height": 1500})
     wait_until(page, lambda: count_pixels(page, "p") > 20)
 
 
