@@ -1,6 +1,6 @@
 # make run: the paper's experiment · make play: robots in the browser · make test: all tests · make check: ruff and
 # mypy · make hooks: the same before each commit · make bench: speed, as ratios · make docs: the site, in build/site ·
-# make lessons: the programs of the pages, run · make wheel: what is released, tried make constraints: newer versions
+# make lessons: the programs of the pages, run · make wheel: what is released, tried · make constraints: newer versions
 # of what is installed · make proto: the league's messages, from their .proto files
 PYTHON ?= python3
 VENV := .venv

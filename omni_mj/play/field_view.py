@@ -19,7 +19,6 @@ if TYPE_CHECKING:
 HIDDEN = (0.0, 0.0, -10.0)  # position of something that has none, below the field
 DEBRIS_COLOR = (140, 110, 70)
 TRAIL_LENGTH = 240  # updates of the view
-LINE_STRIDE = 4  # updates of the view between those of lines, which browsers draw more slowly
 FLAG_HEIGHT_M = ROBOT_HEIGHT_M + 0.05  # of the lowest error arrow
 # MuJoCo geom type -> mesh of its sizes.
 MESHES: dict[str, Any] = {
@@ -44,7 +43,6 @@ class FieldView:
         paths = [reference.poses for reference in simulation.references]
         self._api, self._session = api, session
         self._shown_snapshot: Snapshot | None = None
-        self._n_updates = 0
         self._debris = list[tuple[float, float, float]]()
         self._patches: list[Any] = []
         self.center, self.size_m = scene.measure_scene(paths)
@@ -98,11 +96,9 @@ class FieldView:
             self._names[i].text = self._labels[i] + (f"  {cm:.1f} cm" if np.isfinite(cm) else "")
         if self._session.debris != self._debris:
             self._show_debris()
-        self._n_updates += 1
-        if self._n_updates % LINE_STRIDE == 0:
-            self._arrows.points = np.float32(tips)
-            for path, trail in zip(self._paths, self._trails.swapaxes(0, 1), strict=True):
-                path.points = _join(trail)
+        self._arrows.points = np.float32(tips)
+        for path, trail in zip(self._paths, self._trails.swapaxes(0, 1), strict=True):
+            path.points = _join(trail)
 
     def _show_debris(self) -> None:
         """Show debris as discs."""

@@ -115,4 +115,5 @@ class LivePlots:
             axes=({"size": 24}, {"size": 42}),
             legend={"show": False},
             height=HEIGHT_PX,
+            padding=(8, 8, 0, 0),
         )

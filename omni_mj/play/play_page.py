@@ -176,9 +176,8 @@ class PlayPage:
             state = "the reference has ended; the robots rest" * snapshot.has_ended
         rows = "".join(
             f'<tr><td style="color:rgb{color}">&#9632; {html.escape(label)}</td>'
-            f'<td align="right">{"" if np.isnan(error) else f"{error:.1f}"}</td>'
-            f'<td align="right">{"" if np.isnan(rms) else f"{rms:.1f}"}</td></tr>'
-            for label, color, error, rms in zip(
+            + "".join(f'<td align="right">{f"{x:.1f}".replace("nan", "")}</td>' for x in errors)
+            for label, color, *errors in zip(
                 play.session.labels,
                 play.session.colors,
                 100 * snapshot.error_m,
@@ -289,15 +288,13 @@ class PlayPage:
             raise OmniError("choose at least one controller")
         if label in ("Scenario", "Robot"):
             top_level = {"controllers": specs, "plant": scenario.plant, "robot": values["Robot"]}
-            reset = "The sliders are"
             try:
                 self._play.load(values["Scenario"], top_level)
             except OmniError:
                 if label == "Robot":
                     raise
                 self._play.load(value, {"controllers": specs})  # only with a robot of its own
-                reset = "Robot, plant and sliders are"
-            self.show_message(f"{reset} those of the {label.lower()} {value} again.")
+            self.show_message(f"The settings are those of the {label.lower()} {value} again.")
         else:  # on the plant, it depends whether JAX is available
             settings = scenario.settings.replace(physics={"backend": "auto"})
             scenario = scenario.replace(plant=values["Plant"], settings=settings)

@@ -183,7 +183,7 @@ def test_controls_change_only_what_they_say(browser: Browser) -> None:
     loss.fill("97")
     page.get_by_text("Radio loss, % must be 0 to 95, got 97").wait_for()
     choose(page, "Scenario", "league")
-    page.get_by_text("The sliders are those of the scenario league again").wait_for()
+    page.get_by_text("The settings are those of the scenario league again").wait_for()
     assert page.get_by_label("Plant", exact=True).first.input_value() == "kinematic"
     wait_until(page, lambda: count_pixels(page, "p") > 20)
 
