@@ -135,10 +135,15 @@ def test_prediction_error_is_that_of_the_optimal_filter() -> None:
 
 
 def test_robot_without_lag_is_inverted_exactly() -> None:
-    """x(k+1) = x(k) + T alpha u(k-D) is inverted by u(k) = (r(k+D+1) - r(k+D)) / (T alpha)."""
+    """x(k+1) = x(k) + T alpha u(k-D) is inverted by u(k) = (r(k+D+1) - r(k+D)) / (T alpha).
+
+    Lost packets and images are noise, too.
+    """
     alpha, delay = 0.8, 6
     steady = {"alpha_low": alpha, "alpha_high": alpha}
     scenario = om.load_scenario("rect", plant="kinematic", reference=ROUTE, kinematic=steady)
+    losses = {"radio": {"loss_probability": 0.3}, "vision": {"dropout_fraction": 0.2}}
+    scenario = scenario.replace(settings=scenario.settings.replace(**losses))
     best, _ = bench.learned(scenario, 4)
     expected = np.diff(best.poses - best.errors, axis=0)[delay:, 0] / (PERIOD_S * alpha)
     assert np.abs(best.errors).max() < 2e-7

@@ -164,14 +164,19 @@ def check_limit(scenario: Scenario, iterations: int) -> None:
 
 
 def remove_noise(scenario: Scenario) -> Scenario:
-    """Return the scenario without noise, misses, disturbances, jitter and changes of alpha."""
+    """Return the scenario without noise, losses, disturbances, jitter and changes of alpha."""
     kinematic = scenario.settings.kinematic
     mean_alpha = (kinematic.alpha_low + kinematic.alpha_high) / 2
     settings = scenario.settings.replace(
-        vision={"position_noise_m": 0, "heading_noise_rad": 0, "miss_probability": 0},
+        vision={
+            "position_noise_m": 0,
+            "heading_noise_rad": 0,
+            "miss_probability": 0,
+            "dropout_fraction": 0,
+        },
         sensors={"gyro_noise_rad_s": 0, "gyro_bias_rad_s": 0},
         disturbance={"force_n": 0, "velocity_m_s": 0},
-        radio={"jitter_frames": 0},
+        radio={"jitter_frames": 0, "loss_probability": 0, "burst_loss_probability": 0},
         kinematic={
             "alpha_low": mean_alpha,
             "alpha_high": mean_alpha,
