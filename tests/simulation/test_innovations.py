@@ -11,7 +11,7 @@ GAPS = ("vision.dropout_fraction=0.2", "vision.mean_dropout_frames=10")
 CORNER = (
     "reference.waypoints=[[-1, -0.75, 0], [0, -0.75, 0], [0, 0, 1.5]]",
     "reference.settle_s=0.5",
-    "physics.backend=numpy",
+    "wheels.model=two-rollers",
 )
 CASES = {
     "kinematic": ("rect", "kinematic", 10, ()),
@@ -24,7 +24,7 @@ CASES = {
     "kinematic, disturbance": ("rect-noise", "kinematic", 10, ()),
     "kinematic, gaps": ("rect", "kinematic", 10, GAPS),
     "mujoco": ("rect", "mujoco", 3, CORNER),
-    "mujoco, gaps": ("rect", "mujoco", 3, (*CORNER, *GAPS, "wheels.model=two-rollers")),
+    "mujoco, gaps": ("rect", "mujoco", 3, (*CORNER, *GAPS)),
 }
 
 
