@@ -91,17 +91,17 @@ def _start_server(
 
     if record and record.suffix != ".rrd":
         raise OmniError(f"--record {record} must be a file whose name ends in .rrd")
-    if record:
-        try:
-            record.touch()
-        except OSError as error:
-            raise OmniError(f"--record {record} cannot be written: {error.strerror}") from error
+    try:
+        if record:
+            record.open("ab").close()
+    except OSError as error:
+        raise OmniError(f"--record {record} cannot be written: {error.strerror}") from error
 
     def load_scenario(other_name: str | None, top_level: Mapping[str, Any]) -> "Scenario":
         changed = options.ScenarioOptions(**vars(scenario_options) | dict(top_level))
         return changed.load_scenario(other_name or name)
 
-    server = PlayServer(load_scenario, interrupts, port, record)
+    server = PlayServer(load_scenario, interrupts.check, interrupts.exit_at_once, port, record)
     note = ""
     if port is None and not server.url.endswith(f":{DEFAULT_PORT}/"):
         note = f" (port {DEFAULT_PORT}, which links in the lessons need, is in use)"

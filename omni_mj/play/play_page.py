@@ -4,6 +4,7 @@ import html
 from collections.abc import Callable, Mapping
 from functools import partial
 from operator import attrgetter
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -257,7 +258,7 @@ class PlayPage:
     def _add_menus(self) -> None:
         """Add menus for scenario, robot, plant and controllers; a user's own are those at first."""
         scenario = self._play.session.scenario
-        specs = [plugins.format_controller_spec(spec) for spec in scenario.controllers]
+        specs = map(_format, scenario.controllers)
         names = {
             "Scenario": [*find_builtin_files("scenarios"), scenario.name],
             "Robot": [*find_builtin_files("robots"), scenario.robot],
@@ -276,24 +277,23 @@ class PlayPage:
     def _menu_values(self) -> dict[str, str]:
         """Return what the menus show."""
         scenario = self._play.session.scenario
-        specs = [*map(plugins.format_controller_spec, scenario.controllers), NONE, NONE]
+        specs = [*map(_format, scenario.controllers), NONE, NONE]
         values = {"Scenario": scenario.name, "Robot": scenario.robot, "Plant": scenario.plant}
         return values | dict(zip(CONTROLLER_MENUS, specs, strict=False))
 
     def _load(self, label: str, value: str) -> None:
         """Load what the menus say, after a change of one."""
         values, scenario = self._menu_values() | {label: value}, self._play.session.scenario
-        specs = [values[menu] for menu in CONTROLLER_MENUS if values[menu] != NONE]
+        present = {_format(spec): spec for spec in scenario.controllers}
+        chosen = [values[menu] for menu in CONTROLLER_MENUS if values[menu] != NONE]
+        specs = [present.get(name, name) for name in chosen]  # files may have errors now
         if not specs:
             raise OmniError("choose at least one controller")
         if label in ("Scenario", "Robot"):
-            top_level = {"controllers": specs, "plant": scenario.plant, "robot": values["Robot"]}
-            try:
-                self._play.load(values["Scenario"], top_level)
-            except OmniError:
-                if label == "Robot":
-                    raise
-                self._play.load(value, {"controllers": specs})  # only with a robot of its own
+            top_level = {"controllers": specs, "plant": scenario.plant}
+            if label == "Robot":
+                top_level["robot"] = value
+            self._play.load(values["Scenario"], top_level)
             self.show_message(f"The settings are those of the {label.lower()} {value} again.")
         else:  # on the plant, it depends whether JAX is available
             settings = scenario.settings.replace(physics={"backend": "auto"})
@@ -396,3 +396,8 @@ class PlayPage:
                 self._play.request(key, lambda: action(value))
 
         register(call)
+
+
+def _format(spec: plugins.ControllerSpec) -> str:
+    """Return a controller as in menus: its name, or its file and class."""
+    return plugins.format_controller_spec(spec).removeprefix(f"{Path.cwd()}/")

@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping
 from contextlib import AbstractContextManager, redirect_stdout, suppress
 from functools import partial
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 from urllib.parse import urlsplit
 
 import viser
@@ -17,7 +17,7 @@ from omni_mj.config import PERIOD_S, plugins
 from omni_mj.config.scenario import Scenario
 from omni_mj.live.sockets import LOOPBACK
 from omni_mj.play.play_page import PlayPage
-from omni_mj.play.play_session import MAX_CONTROLLERS, PlaySession
+from omni_mj.play.play_session import PlaySession
 from omni_mj.play.state_links import load_link
 from omni_mj.play.time_limit import LIMIT_S, USER_LIMIT_S, TimeLimitError, limit_time
 from omni_mj.studies.run_scenario import StoppedError, quiet_mujoco
@@ -31,16 +31,6 @@ MAX_LAG_S = 0.1  # behind real time, after which frames are dropped
 LoadScenario = Callable[[str | None, Mapping[str, Any]], Scenario]
 
 
-class StopRequests(Protocol):
-    """Signals that ask for the end, as `omni_mj.cli.interrupts.Interrupts` stores them."""
-
-    def check(self) -> None:
-        """Raise `StoppedError` if the session must end."""
-
-    def exit_at_once(self, message: str) -> None:
-        """End the process, even if users' code hangs."""
-
-
 class PlayServer:
     """A session, its page and the loop.
 
@@ -49,7 +39,8 @@ class PlayServer:
     Args:
         load_scenario: Returns a scenario, given its name (None: that of the command line) and
             values of its top level, such as the plant.
-        stop_requests: Signals that end the session.
+        check_stop: Raises `StoppedError` after a signal.
+        exit_at_once: Ends the process with a message, even if users' code hangs.
         port: Port of the page; 0 for any. Default: 8642, or any if that is in use.
         record: Recording file to write.
 
@@ -67,13 +58,14 @@ class PlayServer:
     def __init__(
         self,
         load_scenario: LoadScenario,
-        stop_requests: StopRequests,
+        check_stop: Callable[[], None],
+        exit_at_once: Callable[[str], None],
         port: int | None = None,
         record: Path | None = None,
     ) -> None:
         quiet_mujoco()
         self._load_scenario, self.speed, self.repeat = load_scenario, 1.0, record is None
-        self._stop_requests = stop_requests
+        self._check_stop, self._exit_at_once = check_stop, exit_at_once
         self._requests: dict[str, Callable[[], None]] = {}
         self._frames, self._real_time_factor = 0, math.inf
         self._seen_page_at: float | None = None
@@ -82,7 +74,7 @@ class PlayServer:
                 scenario = load_scenario(None, {})
                 self.session = PlaySession(scenario, record=record)
         except TimeLimitError as error:
-            stop_requests.check()
+            check_stop()
             raise OmniError(str(error)) from error
         self._own_name = scenario.name
         self._file_times: dict[str, float] = {}
@@ -91,7 +83,6 @@ class PlayServer:
         try:
             self.url = f"http://{LOOPBACK}:{self._accept_browsers(port)}/"
             self.page = PlayPage(self, self._viser)
-            self._name_left_out(scenario)
         except BaseException:
             self.close()
             raise
@@ -103,7 +94,7 @@ class PlayServer:
     def load(self, name: str, top_level: Mapping[str, Any]) -> None:
         """Load a scenario by the name that the menu shows, and restart."""
         own_name = self._own_name == name
-        self._play(self._load_scenario(None if own_name else name, top_level))
+        self.session.restart(self._load_scenario(None if own_name else name, top_level))
 
     def run(self) -> None:
         """Run until the last page is closed.
@@ -113,7 +104,7 @@ class PlayServer:
         """
         due = plotted = rate_measured = time.monotonic()
         while not self._is_left():
-            self._stop_requests.check()
+            self._check_stop()
             if self._requests:
                 self._carry_out_requests()
                 rate_measured, self._frames = time.monotonic(), 0
@@ -144,17 +135,6 @@ class PlayServer:
             self._viser.stop()
         self.session.close()
 
-    def _play(self, scenario: Scenario) -> None:
-        """Restart with another scenario."""
-        self.session.restart(scenario)
-        self._name_left_out(scenario)
-
-    def _name_left_out(self, scenario: Scenario) -> None:
-        """Say which controllers of a scenario are not shown."""
-        labels = map(plugins.label_controller, scenario.controllers[MAX_CONTROLLERS:])
-        if left_out := ", ".join(labels):
-            self.page.show_message(f"Left out: {left_out}. At most {MAX_CONTROLLERS} are shown.")
-
     def _limit_time(self, user_limit_s: float = USER_LIMIT_S) -> AbstractContextManager[None]:
         """Limit the time of a block; see `limit_time`."""
         return limit_time(self._must_end, self._end_at_once, user_limit_s)
@@ -162,7 +142,7 @@ class PlayServer:
     def _must_end(self) -> bool:
         """Return whether a signal came, or all pages are closed."""
         with suppress(StoppedError):
-            self._stop_requests.check()
+            self._check_stop()
             return self._seen_page_at is not None and self._is_left()
         return True
 
@@ -170,7 +150,7 @@ class PlayServer:
         """End the process. Finish the recording if there is one."""
         with suppress(BaseException):
             self.session.close()
-        self._stop_requests.exit_at_once(message)
+        self._exit_at_once(message)
 
     def _advance(self) -> None:
         """Advance by a frame. Pause if that takes too long."""
@@ -198,13 +178,14 @@ class PlayServer:
 
     def _reload_saved_files(self) -> None:
         """Restart with the new code of a controller's file that was saved."""
-        for spec in map(plugins.format_controller_spec, self.session.scenario.controllers):
-            if plugins.is_class_path(spec):
+        for controller in self.session.scenario.controllers:
+            if not isinstance(controller, str):
+                file = plugins.format_controller_spec(controller).rpartition(":")[0]
                 with suppress(OSError):  # an editor may be replacing it
-                    modified = Path(spec.rpartition(":")[0]).stat().st_mtime
-                    if modified > self._file_times.setdefault(spec, modified):
-                        self._file_times[spec] = modified
-                        self.request("reload", partial(self._reload, spec))
+                    modified = Path(file).stat().st_mtime
+                    if modified != self._file_times.setdefault(file, modified):
+                        self._file_times[file] = modified
+                        self.request("reload", partial(self._reload, controller))
 
     def _reload(self, spec: plugins.ControllerSpec) -> None:
         """Restart with the new code of a file, also if its old code paused the session."""
@@ -250,7 +231,7 @@ class PlayServer:
             self._seen_page_at = time.monotonic()
         query = urlsplit(lines[0].split(" ")[1]).query if lines[0].startswith("GET /?") else ""
         if query:
-            self.request("link", lambda: self._play(load_link(query)))
+            self.request("link", lambda: self.session.restart(load_link(query)))
             return await _respond(writer, "303 See Other\r\nLocation: /")
         try:
             to_viser = await asyncio.open_connection(LOOPBACK, self._viser.get_port())

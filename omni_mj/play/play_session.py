@@ -12,13 +12,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from omni_control.arguments import check_types
+from omni_control.controllers.registry import CONTROLLERS
 from omni_control.errors import OmniError
 from omni_control.kinematics import Array, world_to_body, wrap_angle
 from omni_mj.config import FRAME_RATE_HZ, PERIOD_S, faults, plugins
 from omni_mj.config.scenario import Scenario
 from omni_mj.config.settings import find_setting
-from omni_mj.config.validation import MAX_COORDINATE_M
 from omni_mj.play.time_limit import TimeLimitError
 from omni_mj.results.alpha_windows import ALPHA_START_FRAMES, ALPHA_WINDOW_FRAMES, driven_alpha
 from omni_mj.simulation.changeable_simulation import ChangeableSimulation
@@ -74,7 +73,7 @@ class PlaySession:
 
     Args:
         scenario: The scenario.
-        controllers: Up to three controllers. Default: the first three of the scenario.
+        controllers: Up to three controllers. Default: those of the scenario.
         record: Path of a recording, .rrd. A restart begins another one: NAME-2.rrd, NAME-3.rrd.
 
     Attributes:
@@ -92,7 +91,6 @@ class PlaySession:
     colors: tuple[Rgb, ...]
     snapshot: Snapshot
 
-    @check_types
     def __init__(
         self,
         scenario: Scenario,
@@ -101,6 +99,8 @@ class PlaySession:
     ) -> None:
         self._recording_paths = _number_paths(record) if record else None
         self._recording: Recording | None = None
+        # Classes of users' files that have an error since they were saved again
+        self._errors: dict[plugins.ControllerSpec, BaseException] = {}
         self.restart(scenario, controllers)
 
     @property
@@ -118,7 +118,6 @@ class PlaySession:
             if isinstance(fault, faults.FrictionPatch)
         ]
 
-    @check_types
     def restart(
         self,
         scenario: Scenario | None = None,
@@ -145,6 +144,7 @@ class PlaySession:
         # Displacements in the latest frames, achieved and commanded, body frame, (2, n, 2) m
         self._displacements = deque[Array](maxlen=ALPHA_START_FRAMES + ALPHA_WINDOW_FRAMES)
         self.snapshot = Snapshot(**self._read_plant(), **self._read_team())
+        self._stop_failed()
         if self._recording_paths:
             from omni_mj.viz.recording import Recording  # slow to import
 
@@ -164,7 +164,6 @@ class PlaySession:
             self._recording.update()
         return self.snapshot
 
-    @check_types
     def change(self, name: str, value: Any) -> bool:
         """Change a setting, for the driving robots if that is possible.
 
@@ -229,31 +228,25 @@ class PlaySession:
         )
         self._displacements.clear()
 
-    @check_types
     def set_radio_lost(self, is_lost: bool) -> None:
         """Lose all packets to all robots from now on, or none."""
         self._set_lost(faults.RadioLoss, is_lost)
 
-    @check_types
     def set_camera_lost(self, is_lost: bool) -> None:
         """Let the camera detect no robot from now on, or all."""
         self._set_lost(faults.VisionLoss, is_lost)
 
-    @check_types
-    def set_target(self, x: float, y: float, heading: float | None = None) -> None:
-        """Let the first robot of each world drive to a target, until a restart.
+    def set_target(self, x: float, y: float) -> None:
+        """Let the first robot of each world drive to a target and keep its heading.
 
         Args:
             x: World frame, m.
             y: World frame, m.
-            heading: rad. Default: the present one of each robot.
         """
-        _check_numbers(x, y, heading or 0.0)
         estimate = self.simulation.team.estimate
         for i in self._choose_first_rows():
-            self.simulation.set_target(i, [x, y, estimate[i, 2] if heading is None else heading])
+            self.simulation.set_target(i, [x, y, estimate[i, 2]])
 
-    @check_types
     def set_velocity(self, vx: float, vy: float, turn: float) -> None:
         """Let the first robot of each world drive at a velocity, until a restart.
 
@@ -262,25 +255,24 @@ class PlaySession:
             vy: World frame, m/s.
             turn: Turn rate, rad/s.
         """
-        _check_numbers(vx, vy, turn)
         for i in self._choose_first_rows():
             self.simulation.set_velocity(i, [vx, vy, turn])
 
-    @check_types
     def reload_controller(self, spec: plugins.ControllerSpec) -> None:
-        """Restart with the present text of a user's file. If it has an error, its robots stand.
+        """Restart with the present text of a user's file, and its own parameters.
+
+        If it has an error, its robots stand, until it is saved again.
 
         Args:
-            spec: One of the scenario's controllers, `file.py:Class`.
+            spec: One of the scenario's controllers that are classes.
         """
         try:
-            plugins.find_controller(spec)
+            saved = _load_class(plugins.format_controller_spec(spec))
+            present = self.scenario.controllers
+            self.restart(controllers=[saved if other == spec else other for other in present])
         except (OmniError, TimeLimitError) as error:
-            label = plugins.label_controller(spec)
-            rows = [i for i, row in enumerate(self.simulation.rows) if row.controller == label]
-            self.simulation.stop_rows(np.array(rows, int), error)
-        else:
-            self.restart()
+            self._errors[spec] = error
+            self._stop_failed()
 
     def compute_alpha(self) -> Array:
         """Return the true alpha of the last 0.25 s, forward and sideways, (n, 2).
@@ -333,6 +325,14 @@ class PlaySession:
             "failures": tuple(map(str, self.simulation.failures)),
         }
 
+    def _stop_failed(self) -> None:
+        """Let the robots of files with errors stand."""
+        for spec, error in self._errors.items():
+            if spec in self.scenario.controllers:
+                label = plugins.label_controller(spec)
+                rows = [i for i, row in enumerate(self.simulation.rows) if row.controller == label]
+                self.simulation.stop_rows(np.array(rows), error)
+
     def _choose_first_rows(self) -> list[int]:
         """Return the row of the first robot of each world."""
         return [i for i, row in enumerate(self.simulation.rows) if not row.slot]
@@ -362,15 +362,21 @@ def _choose_controllers(
     scenario: Scenario, controllers: Sequence[plugins.ControllerSpec] | None
 ) -> Scenario:
     """Return the scenario with these controllers, and with the parameters of no others."""
-    if controllers is None:
-        controllers = scenario.controllers[:MAX_CONTROLLERS]
+    controllers = scenario.controllers if controllers is None else controllers
     if len(controllers) > MAX_CONTROLLERS:
         raise OmniError(f"at most {MAX_CONTROLLERS} controllers, got {len(controllers)}")
-    labels = {plugins.label_controller(spec) for spec in controllers}
+    kept = [*map(_load_class, scenario.controllers)]
+    controllers = [*map(_load_class, controllers)]
+    labels = {plugins.label_controller(spec) for spec in controllers if spec in kept}
     parameters = scenario.settings.controller
     chosen = {label: values for label, values in parameters.items() if label in labels}
     settings = scenario.settings.model_copy(update={"controller": chosen})
     return scenario.replace(controllers=tuple(controllers), settings=settings)
+
+
+def _load_class(spec: plugins.ControllerSpec) -> plugins.ControllerSpec:
+    """Return the class for that of a user's file, which may have an error when it is saved."""
+    return spec if spec in CONTROLLERS else plugins.find_controller(spec)
 
 
 def _number_paths(path: Path) -> Iterator[Path]:
@@ -378,10 +384,3 @@ def _number_paths(path: Path) -> Iterator[Path]:
     yield path
     for number in count(2):
         yield path.with_stem(f"{path.stem}-{number}")
-
-
-def _check_numbers(*values: float) -> None:
-    """Raise `OmniError` if a target or velocity is far beyond those of robots."""
-    if not all(abs(value) <= MAX_COORDINATE_M for value in values):
-        limit = f"{MAX_COORDINATE_M:g}"
-        raise OmniError(f"targets must be numbers from -{limit} to {limit}, got {values}")
