@@ -70,7 +70,6 @@ def add_robot(
                 f"a robot in a scene cannot have {section}; choose from {', '.join(_SECTIONS)}"
             )
     x, y, heading = check_array("pose", pose, (3,)).tolist()
-    check_array("height", height, ())
     if "\0" in prefix:
         raise OmniError("prefix must be a text without NUL")
     height = check_array("height", height, ()).item()

@@ -268,6 +268,7 @@ class PlaySession:
         """
         try:
             saved = _load_class(plugins.format_controller_spec(spec))
+            self._errors.pop(saved, None)  # an older file that was restored
             present = self.scenario.controllers
             self.restart(controllers=[saved if other == spec else other for other in present])
         except (OmniError, TimeLimitError) as error:

@@ -1,5 +1,6 @@
 """Laws of a session that is played: what changes while robots drive, and what stays."""
 
+import os
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -259,8 +260,8 @@ def test_a_lost_radio_is_found_again() -> None:
 def test_a_file_with_an_error_lets_its_robot_stand_until_it_is_correct(tmp_path: Path) -> None:
     file = tmp_path / "mine.py"
     file.write_text(STILL)
-    spec = f"{file}:Mine"
-    played = PlaySession(scenario(), ("flc", spec))
+    saved_ns = file.stat().st_mtime_ns
+    played = PlaySession(scenario(), ("flc", f"{file}:Mine"))
     play(played, 5)
     file.write_text(STILL.replace("0 * observation", "0 ** ("))
     played.reload_controller(played.scenario.controllers[1])
@@ -275,6 +276,10 @@ def test_a_file_with_an_error_lets_its_robot_stand_until_it_is_correct(tmp_path:
     assert "mine.py cannot be run" in snapshot.failures[0], "also after a restart"
     np.testing.assert_allclose(snapshot.pose[1], 0, atol=1e-3)
     assert np.hypot(*snapshot.pose[0, :2]) > 0.02
+    file.write_text(STILL)
+    os.utime(file, ns=(saved_ns, saved_ns))
+    played.reload_controller(played.scenario.controllers[1])
+    assert not played.advance().failures, "also if the old file is restored with its time"
     file.write_text(STILL.replace("0 * observation.pose", "0 / []"))
     played.reload_controller(played.scenario.controllers[1])
     (failure,) = play(played, 2)[-1].failures
