@@ -37,7 +37,8 @@ if not spec or not mujoco.mj_compile(spec, None):
         sys.exit(1)
 else:
     warnings = [mujoco.mjs_getWarning(spec, i) for i in range(mujoco.mjs_numWarnings(spec))]
-    # Old features of MJCF are allowed. Attached models may have other options, without effect.
+    # Old features of MJCF are allowed, but no inconsistent inertias. Attached models may have other
+    # options, without effect.
     allowed = [text for text in messages if text.startswith(b"Attach conflict")] + warnings
     messages = [text for text in messages if text not in allowed]
     messages += [text for text in warnings if text.startswith(b"Inertia matrix")]

@@ -7,6 +7,7 @@ import numpy as np
 import trimesh
 
 from omni_control.kinematics import Array
+from omni_mj.config import faults
 from omni_mj.mjcf import field
 from omni_mj.mjcf.field import ROBOT_HEIGHT_M, ROBOT_RADIUS_M
 from omni_mj.viz import style
@@ -43,8 +44,8 @@ class FieldView:
         paths = [reference.poses for reference in simulation.references]
         self._api, self._session = api, session
         self._shown_snapshot: Snapshot | None = None
-        self._debris = list[tuple[float, float, float]]()
-        self._patches: list[Any] = []
+        self._debris = list[faults.FrictionPatch]()
+        self._discs = list[Any]()
         self.center, self.size_m = scene.measure_scene(paths)
         self._trails = np.repeat(session.snapshot.pose[None, :, :2], TRAIL_LENGTH, axis=0)
         api.reset()
@@ -94,22 +95,27 @@ class FieldView:
             self._names[i].position = tips[i, 1] + (0, 0, 0.03)
             cm = 100 * snapshot.error_m[i]
             self._names[i].text = self._labels[i] + (f"  {cm:.1f} cm" if np.isfinite(cm) else "")
-        if self._session.debris != self._debris:
-            self._show_debris()
+        debris = self._session.list_faults(faults.FrictionPatch)
+        if debris != self._debris:
+            self._show_debris(debris)
         self._arrows.points = np.float32(tips)
         for path, trail in zip(self._paths, self._trails.swapaxes(0, 1), strict=True):
             path.points = _join(trail)
 
-    def _show_debris(self) -> None:
+    def _show_debris(self, debris: list[faults.FrictionPatch]) -> None:
         """Show debris as discs."""
-        for patch in self._patches:
-            patch.remove()
-        self._debris = self._session.debris
-        self._patches = [
+        for disc in self._discs:
+            disc.remove()
+        self._debris = debris
+        self._discs = [
             self._api.add_cylinder(
-                f"/debris/{i}", radius, 0.002, color=DEBRIS_COLOR, position=(x, y, 0.0)
+                f"/debris/{i}",
+                patch.radius_m,
+                0.002,
+                color=DEBRIS_COLOR,
+                position=(patch.x_m, patch.y_m, 0.0),
             )
-            for i, (x, y, radius) in enumerate(self._debris)
+            for i, patch in enumerate(debris)
         ]
 
     def _tips(self, snapshot: "Snapshot") -> Array:

@@ -11,7 +11,7 @@ import numpy as np
 
 from omni_control.controllers.registry import get_parameters, list_available_controllers
 from omni_control.errors import OmniError
-from omni_mj.config import PERIOD_S, plugins
+from omni_mj.config import PERIOD_S, faults, plugins
 from omni_mj.config.scenario import Scenario
 from omni_mj.config.settings import find_setting
 from omni_mj.config.toml_files import find_builtin_files
@@ -94,9 +94,12 @@ class PlayPage:
 
     def __init__(self, play: "PlayServer", web: Any) -> None:
         self._play, self._web, self._gui = play, web, web.gui
-        self._message, self._described = "", list[Any]()
+        # Whether a browser is a phone, and width over height of its 3-D view, by its number
+        self._windows: dict[int, tuple[bool, float]] = {}
+        self._message, self._build_key = "", list[Any]()
         self._shown_scenario: Scenario | None = None
-        self._rebuilt, self._losses = list[Any](), list[Any]()
+        self._elements = list[Any]()  # to remove before the next build
+        self._loss_boxes: dict[type, Any] = {}
         self._menus: dict[str, Any] = {}
         gui = self._gui
         gui.configure_theme(show_logo=False, show_share_button=False)
@@ -128,8 +131,6 @@ class PlayPage:
         self._shown_area: Any = None
         web.scene.on_click()(self._set_target)
         self.refresh()
-        # Whether a browser is a phone, and width over height of its 3-D view, by its number
-        self._windows: dict[int, tuple[bool, float]] = {}
         web.on_client_connect(self._greet)
 
     def refresh(self, key: str = "") -> None:
@@ -142,15 +143,16 @@ class PlayPage:
                 slider.value = self._slider_value(name)
         for label, value in self._menu_values().items():
             self._menus[label].value = value
-        for box in self._losses if session.snapshot.time_s == 0 else ():
-            box.value = False  # a restart
+        for kind, box in self._loss_boxes.items():
+            box.value = bool(session.list_faults(kind))
 
     def _show_scenario(self, scenario: Scenario) -> None:
         """Show a scenario, or the same one with other settings."""
         self._shown_scenario = scenario
-        description = [scenario.model_copy(update={"settings": None}), scenario.settings.reference]
-        if description != self._described:
-            self._described = description
+        settings, unset = scenario.settings, scenario.model_copy(update={"settings": None})
+        build_key = [unset, settings.reference, settings.world, settings.mechanics]
+        if build_key != self._build_key:
+            self._build_key = build_key
             self._rebuild()
         try:
             self._link.value = f"{self._play.url}?{format_link(scenario)}"
@@ -201,7 +203,7 @@ class PlayPage:
 
     def _rebuild(self) -> None:
         """Build everything that depends on scenario, robot and controllers."""
-        for element in self._rebuilt:
+        for element in self._elements:
             element.remove()
         session = self._play.session
         self.view = FieldView(self._web.scene, session)
@@ -214,7 +216,7 @@ class PlayPage:
         with self._plot_tab:
             self.plots = LivePlots(self._gui, session)
         self._add_sliders()
-        self._rebuilt = [*self.plots.handles, *self._sliders.values()]
+        self._elements = [*self.plots.handles, *self._sliders.values()]
 
     def _add_sliders(self) -> None:
         """Add a slider for each setting, and for the parameters of the controllers."""
@@ -295,7 +297,7 @@ class PlayPage:
                 top_level["robot"] = value
             self._play.load(values["Scenario"], top_level)
             self.show_message(f"The settings are those of the {label.lower()} {value} again.")
-        else:  # on the plant, it depends whether JAX is available
+        else:  # the backend depends on the plant
             settings = scenario.settings.replace(physics={"backend": "auto"})
             scenario = scenario.replace(plant=values["Plant"], settings=settings)
             self._play.session.restart(scenario, specs)
@@ -311,13 +313,14 @@ class PlayPage:
                 "Carry away": session.carry_away,
             }
             self._add_buttons("disturb", actions)
-            for label, act in (
-                ("Radio lost", session.set_radio_lost),
-                ("Camera lost", session.set_camera_lost),
-            ):
+            losses: dict[str, type[faults.Fault]] = {
+                "Radio lost": faults.RadioLoss,
+                "Camera lost": faults.VisionLoss,
+            }
+            for label, kind in losses.items():
                 box = gui.add_checkbox(label, initial_value=False)
-                self._on(box.on_update, label, act)
-                self._losses.append(box)
+                self._on(box.on_update, label, partial(session.set_lost, kind))
+                self._loss_boxes[kind] = box
 
     def _add_driving(self) -> None:
         """Add buttons and keys to drive the robots by hand."""

@@ -67,7 +67,7 @@ class PlayServer:
         self._load_scenario, self.speed, self.repeat = load_scenario, 1.0, record is None
         self._check_stop, self._exit_at_once = check_stop, exit_at_once
         self._requests: dict[str, Callable[[], None]] = {}
-        self._frames, self._real_time_factor = 0, math.inf
+        self._real_time_factor = math.inf
         self._seen_page_at: float | None = None
         try:  # users' files may import large packages
             with self._limit_time(user_limit_s=LIMIT_S):
@@ -102,22 +102,23 @@ class PlayServer:
         Raises:
             StoppedError: A signal came.
         """
-        due = plotted = rate_measured = time.monotonic()
+        n_frames, due = 0, time.monotonic()
+        plotted = rate_measured = due
         while not self._is_left():
             self._check_stop()
             if self._requests:
                 self._carry_out_requests()
-                rate_measured, self._frames = time.monotonic(), 0
+                rate_measured, n_frames = time.monotonic(), 0
             if self.speed and self._viser.get_clients():
                 self._advance()
-                self._frames += 1
+                n_frames += 1
                 self.page.plots.add(self.session.snapshot)
                 if self.session.snapshot.has_ended and self.repeat:
                     self.request("repeat", self.session.restart)
                 due = max(due + PERIOD_S / (self.speed or 1), time.monotonic() - MAX_LAG_S)
             else:
                 due = rate_measured = max(due, time.monotonic() + IDLE_S)
-                self._frames = 0
+                n_frames = 0
             self.page.view.update(self.session.snapshot)
             now = time.monotonic()
             if now - plotted > PLOT_PERIOD_S:
@@ -125,8 +126,8 @@ class PlayServer:
                 self._reload_saved_files()
                 self.page.show_status(self._real_time_factor)
             if now - rate_measured > 1:
-                self._real_time_factor = self._frames * PERIOD_S / (now - rate_measured)
-                rate_measured, self._frames = now, 0
+                self._real_time_factor = n_frames * PERIOD_S / (now - rate_measured)
+                rate_measured, n_frames = now, 0
             time.sleep(max(0.0, due - time.monotonic()))
 
     def close(self) -> None:
@@ -180,12 +181,12 @@ class PlayServer:
         """Restart with the new code of a controller's file that was saved."""
         for controller in self.session.scenario.controllers:
             if not isinstance(controller, str):
-                file = plugins.format_controller_spec(controller).rpartition(":")[0]
+                spec = plugins.format_controller_spec(controller)
                 with suppress(OSError):  # an editor may be replacing it
-                    modified = Path(file).stat().st_mtime
-                    if modified != self._file_times.setdefault(file, modified):
-                        self._file_times[file] = modified
-                        self.request("reload", partial(self._reload, controller))
+                    modified = Path(spec.rpartition(":")[0]).stat().st_mtime
+                    if modified != self._file_times.setdefault(spec, modified):
+                        self._file_times[spec] = modified
+                        self.request(f"reload {spec}", partial(self._reload, controller))
 
     def _reload(self, spec: plugins.ControllerSpec) -> None:
         """Restart with the new code of a file, also if its old code paused the session."""

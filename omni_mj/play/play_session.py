@@ -8,7 +8,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import count
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -22,10 +22,8 @@ from omni_mj.play.time_limit import TimeLimitError
 from omni_mj.results.alpha_windows import ALPHA_START_FRAMES, ALPHA_WINDOW_FRAMES, driven_alpha
 from omni_mj.simulation.changeable_simulation import ChangeableSimulation
 from omni_mj.viz.displayed_robots import name_and_color
+from omni_mj.viz.recording import Recording
 from omni_mj.viz.style import Rgb
-
-if TYPE_CHECKING:
-    from omni_mj.viz.recording import Recording
 
 MAX_CONTROLLERS = 3
 PUSH_N, PUSH_S = 40.0, 0.2
@@ -49,7 +47,7 @@ class Snapshot:
         winding_c: Temperatures of the hottest windings, (n,) deg C.
         latency_hat: The controllers' estimates of the latency, forward, (n,) frames.
         failures: Messages of the robots that failed.
-        has_ended: Whether the reference has ended. The robots rest.
+        has_ended: Whether the reference has ended for all robots that did not fail. They rest.
     """
 
     time_s: float
@@ -108,16 +106,6 @@ class PlaySession:
         """The scenario with all settings as they are now, without the effects of buttons."""
         return self.simulation.scenario
 
-    @property
-    def debris(self) -> list[tuple[float, float, float]]:
-        """Position and radius of the debris spilled since the start, m."""
-        return [
-            (fault.x_m, fault.y_m, fault.radius_m)
-            for row in self._faults
-            for fault in row
-            if isinstance(fault, faults.FrictionPatch)
-        ]
-
     def restart(
         self,
         scenario: Scenario | None = None,
@@ -141,13 +129,11 @@ class PlaySession:
         self.labels, self.colors = zip(*name_and_color(rows), strict=True)
         # Faults that buttons cause, by row
         self._faults: list[list[faults.Fault]] = [[] for _ in rows]
-        # Displacements in the latest frames, achieved and commanded, body frame, (2, n, 2) m
-        self._displacements = deque[Array](maxlen=ALPHA_START_FRAMES + ALPHA_WINDOW_FRAMES)
+        # In the latest frames: displacements, m, and commands, m/s, body frame, (2, n, 2)
+        self._alpha_history = deque[Array](maxlen=ALPHA_START_FRAMES + ALPHA_WINDOW_FRAMES)
         self.snapshot = Snapshot(**self._read_plant(), **self._read_team())
         self._stop_failed()
         if self._recording_paths:
-            from omni_mj.viz.recording import Recording  # slow to import
-
             self._recording = Recording(next(self._recording_paths), simulation)
 
     def advance(self) -> Snapshot:
@@ -156,9 +142,9 @@ class PlaySession:
         pose = plant_values["pose"]
         self.simulation.step()
         achieved = self.simulation.plant.pose() - pose
-        commanded = PERIOD_S * self.simulation.received.command
-        displacements = [world_to_body(moved, pose[:, 2])[:, :2] for moved in (achieved, commanded)]
-        self._displacements.append(np.array(displacements))
+        motions = achieved, self.simulation.received.command
+        in_body = [world_to_body(motion, pose[:, 2])[:, :2] for motion in motions]
+        self._alpha_history.append(np.array(in_body))
         self.snapshot = Snapshot(**plant_values, **self._read_team())
         if self._recording:
             self._recording.update()
@@ -226,15 +212,12 @@ class PlaySession:
             faults.Kidnap(start_s=self._now, x_m=x, y_m=y, heading_deg=CARRY_DEG)
             for x, y in displacements.tolist()
         )
-        self._displacements.clear()
+        self._alpha_history.clear()
 
-    def set_radio_lost(self, is_lost: bool) -> None:
-        """Lose all packets to all robots from now on, or none."""
-        self._set_lost(faults.RadioLoss, is_lost)
-
-    def set_camera_lost(self, is_lost: bool) -> None:
-        """Let the camera detect no robot from now on, or all."""
-        self._set_lost(faults.VisionLoss, is_lost)
+    def set_lost(self, kind: type[faults.Fault], is_lost: bool) -> None:
+        """Let the fault `RadioLoss` or `VisionLoss` act on all robots from now on, or end it."""
+        self._faults = [[f for f in row if not isinstance(f, kind)] for row in self._faults]
+        self._add_faults([kind(start_s=self._now)] * (is_lost * len(self._faults)))
 
     def set_target(self, x: float, y: float) -> None:
         """Let the first robot of each world drive to a target and keep its heading.
@@ -259,7 +242,7 @@ class PlaySession:
             self.simulation.set_velocity(i, [vx, vy, turn])
 
     def reload_controller(self, spec: plugins.ControllerSpec) -> None:
-        """Restart with the present text of a user's file, and its own parameters.
+        """Restart with the present text of a user's file, and with the parameters in it.
 
         If it has an error, its robots stand, until it is saved again.
 
@@ -281,12 +264,16 @@ class PlaySession:
         It is the achieved over the commanded displacement; NaN near standstill.
         """
         n = len(self.labels)
-        if len(self._displacements) < ALPHA_WINDOW_FRAMES:
+        if len(self._alpha_history) < ALPHA_WINDOW_FRAMES:
             return np.full((n, 2), np.nan)
-        achieved, commanded = np.moveaxis(np.array(self._displacements), 1, 0)
+        achieved, commanded = np.moveaxis(np.array(self._alpha_history), 1, 0)
         position = np.cumsum(np.concatenate([np.zeros((1, n, 2)), achieved]), axis=0)
-        velocity = np.concatenate([commanded, np.zeros((1, n, 2))]) / PERIOD_S
+        velocity = np.concatenate([commanded, np.zeros((1, n, 2))])
         return np.asarray(driven_alpha(position, velocity)[-1])
+
+    def list_faults(self, kind: type[Any]) -> list[Any]:
+        """Return the faults of a kind that buttons cause, in all rows."""
+        return [fault for row in self._faults for fault in row if isinstance(fault, kind)]
 
     def close(self) -> None:
         """Finish the recording."""
@@ -311,7 +298,7 @@ class PlaySession:
             "pose": pose,
             "error_m": np.hypot(*(pose - reference)[:, :2].T),
             "winding_c": telemetry.winding.max(1),
-            "has_ended": simulation.done,
+            "has_ended": simulation.done and len(simulation.failures) < len(pose),
         }
 
     def _read_team(self) -> dict[str, Any]:
@@ -338,11 +325,6 @@ class PlaySession:
         """Return the row of the first robot of each world."""
         return [i for i, row in enumerate(self.simulation.rows) if not row.slot]
 
-    def _set_lost(self, kind: type[faults.Fault], is_lost: bool) -> None:
-        """Let a fault of radio or camera act on all robots from now on, or end it."""
-        self._faults = [[f for f in row if not isinstance(f, kind)] for row in self._faults]
-        self._add_faults([kind(start_s=self._now)] * (is_lost * len(self._faults)))
-
     def _add_faults(self, added: Iterable[faults.Fault]) -> None:
         """Let faults act from now on, one for each robot.
 
@@ -353,7 +335,7 @@ class PlaySession:
         if not self.simulation.can_change(settings):
             raise OmniError(f"the plant {self.scenario.plant} cannot be disturbed while it runs")
         row_faults = [list(present) for present in self._faults]
-        for present, fault in zip(row_faults, added, strict=False):
+        for present, fault in zip(row_faults, added, strict=False):  # none are added at an end
             present.append(fault)
         self.simulation.change_settings(settings, row_faults)
         self._faults = row_faults
@@ -376,7 +358,7 @@ def _choose_controllers(
 
 
 def _load_class(spec: plugins.ControllerSpec) -> plugins.ControllerSpec:
-    """Return the class for that of a user's file, which may have an error when it is saved."""
+    """Return the class of a user's file, or the name of another controller."""
     return spec if spec in CONTROLLERS else plugins.find_controller(spec)
 
 

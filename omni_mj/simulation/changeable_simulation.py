@@ -61,6 +61,7 @@ class ChangeableSimulation(Simulation):
             return [
                 values.radio.replace(**_CHANGEABLE_RADIO),
                 *(attrgetter(name)(values) for name in FIXED_SETTINGS),
+                reference_factory.build_reference_limits(values),
             ]
 
         return (
@@ -72,7 +73,8 @@ class ChangeableSimulation(Simulation):
     def change_settings(self, settings: Settings, faults: Sequence[Sequence[Fault]]) -> None:
         """Change settings and faults from the next frame on. Robots keep poses and states.
 
-        Controllers that depend on a changed setting begin anew. The pose filter continues.
+        All controllers begin anew if a setting on which controllers depend changes. The pose filter
+        continues.
 
         Args:
             settings: Settings of all rows, see `can_change`.

@@ -1,4 +1,4 @@
-"""Robots that figures and recordings show, with the quantities that both compute from the log."""
+"""Robots that figures, recordings and pages show, with quantities computed from the log."""
 
 from collections import Counter
 from collections.abc import Sequence

@@ -146,7 +146,10 @@ def count_pixels(page: Any, controller: str) -> int:
     return int((np.abs(pixels - color).max(axis=2) < 40).sum())
 
 
-def test_a_link_with_too_many_controllers_is_refused(browser: Browser) -> None:
+def test_links_bring_more_robots_but_not_too_many_controllers(browser: Browser) -> None:
+    poses = "world.start_poses=[[0,0,0],[1,0,0]]"
+    urlopen(f"{browser.url}?plant=kinematic&controllers=p&{poses}").close()
+    browser.page.locator("td", has_text="p/1").wait_for()
     urlopen(f"{browser.url}?controllers=p,flc,comp-flc,inverse-flc").close()
     browser.page.get_by_text("at most 3 controllers, got 4").wait_for()
 

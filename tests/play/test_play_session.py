@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 import omni_mj as om
+from omni_mj.config import faults
 from omni_mj.play.play_session import PlaySession, Snapshot
 from omni_mj.simulation.log import Log
 
@@ -129,8 +130,16 @@ PUSH = {"kind": "push", "force_n": 40.0, "duration_s": 0.2, "direction_deg": 90.
     [
         ("mujoco", lambda played: played.push(), PUSH),
         ("planar", lambda played: played.push(), PUSH),
-        ("kinematic", lambda played: played.set_radio_lost(True), {"kind": "radio-loss"}),
-        ("kinematic", lambda played: played.set_camera_lost(True), {"kind": "vision-loss"}),
+        (
+            "kinematic",
+            lambda played: played.set_lost(faults.RadioLoss, True),
+            {"kind": "radio-loss"},
+        ),
+        (
+            "kinematic",
+            lambda played: played.set_lost(faults.VisionLoss, True),
+            {"kind": "vision-loss"},
+        ),
     ],
 )
 def test_a_button_gives_a_run_with_that_fault(
@@ -236,24 +245,25 @@ def test_debris_lies_ahead_and_takes_traction() -> None:
     played = PlaySession(scenario(), ("comp-flc",))
     play(played, 30)
     played.spill_debris()
-    first_debris = played.debris
-    [(x, y, radius)] = first_debris
+    first_debris = played.list_faults(faults.FrictionPatch)
+    [patch] = first_debris
+    x, y, radius = patch.x_m, patch.y_m, patch.radius_m
     assert radius > np.hypot(*(played.simulation.references[0].poses[60, :2] - [x, y]))
     with_debris = play(played, 35)[-1].pose
     without = simulate(played.scenario, 65).channel("pose")[-1]
     assert np.hypot(*(with_debris - without)[0, :2]) > 0.05
     played.spill_debris()
-    assert (len(first_debris), len(played.debris)) == (1, 2)
+    assert (len(first_debris), len(played.list_faults(faults.FrictionPatch))) == (1, 2)
     played.restart()
-    assert not played.debris
+    assert not played.list_faults(faults.FrictionPatch)
 
 
 def test_a_lost_radio_is_found_again() -> None:
     played = session("kinematic")
     play(played, 30)
-    played.set_radio_lost(True)
+    played.set_lost(faults.RadioLoss, True)
     assert (play(played, 40)[-1].error_m > 0.1).all()
-    played.set_radio_lost(False)
+    played.set_lost(faults.RadioLoss, False)
     assert (play(played, 120)[-1].error_m < 0.1).all()
 
 
@@ -300,6 +310,22 @@ def test_a_file_with_an_error_lets_its_robot_stand_until_it_is_correct(tmp_path:
     played.reload_controller(played.scenario.controllers[1])
     assert not played.advance().failures, "parameters are those of the file again"
     assert not played.scenario.settings.controller
+
+
+def test_robots_that_all_failed_have_not_reached_the_end(tmp_path: Path) -> None:
+    file = tmp_path / "mine.py"
+    file.write_text(STILL.replace("0 * observation.pose", "0 / []"))
+    snapshot = play(PlaySession(scenario("kinematic"), (f"{file}:Mine",)), 3)[-1]
+    assert snapshot.failures
+    assert not snapshot.has_ended
+
+
+def test_a_setting_that_changes_the_reference_takes_a_restart() -> None:
+    """The friction of rollers limits references that assume a friction."""
+    played = session(reference={"assumed_friction": 0.8})
+    frames = played.simulation.references[0].frames
+    assert not played.change("drivetrain.roller_friction", 0.3)
+    assert played.simulation.references[0].frames != frames
 
 
 def test_each_start_is_recorded(tmp_path: Path) -> None:

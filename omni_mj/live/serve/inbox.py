@@ -61,7 +61,7 @@ class Inbox:
     def __init__(self, ports: Mapping[int | None, Receiver], messages: MessageCounter) -> None:
         self._ports, self._messages = ports, messages
         self._clients = dict[tuple[int | None, Address], _Client]()
-        self._full_until = 0.0  # until then, no client is silent
+        self._full_until = 0.0  # until then, new clients are refused
         self._turns = deque[_Client]()  # clients with waiting packets
         self._is_turn_of_oldest = False
         self._selector = selectors.DefaultSelector()
