@@ -24,6 +24,7 @@ if TYPE_CHECKING:
 FAILED, BAD_INPUT, INTERRUPTED = 1, 2, 130  # exit codes; the last is 128 + SIGINT
 # Value of MUJOCO_GL to draw without a window, which other systems than Linux do by default
 OFFSCREEN_GL = "egl" if sys.platform.startswith("linux") else ""
+GL_LIBRARIES = ("egl", "osmesa", "glfw", "glx", "cgl")  # that a user may choose by MUJOCO_GL
 MAX_EVENTS = 5  # printed after a run
 
 
@@ -50,11 +51,24 @@ def run_program(command: click.Command) -> NoReturn:
         sys.stdout = PrintableOutput(
             out.detach(), encoding, None, None, is_interactive, is_unbuffered
         )
-    # Read when MuJoCo is imported. Only film draws; otherwise window libraries would be loaded.
-    os.environ.setdefault("MUJOCO_GL", OFFSCREEN_GL if arguments[:1] == ["film"] else "disable")
+    _set_environment(is_film=arguments[:1] == ["film"])
     if signal.getsignal(signal.SIGINT) != signal.SIG_IGN:
         signal.signal(signal.SIGINT, _interrupt)
     invoke_command(command, arguments)
+
+
+def _set_environment(is_film: bool) -> None:
+    """Replace settings of libraries in the environment, which may be meant for other programs.
+
+    Figures are drawn into files without a window. Only `omni-mj film` uses MuJoCo's renderer.
+    """
+    for name in [name for name in os.environ if name.lstrip("_").startswith("RERUN")]:
+        del os.environ[name]  # may turn recordings off
+    os.environ["MPLBACKEND"] = "agg"
+    if not is_film:
+        os.environ["MUJOCO_GL"] = "disable"
+    elif os.environ.get("MUJOCO_GL", "").strip().lower() not in GL_LIBRARIES:
+        os.environ["MUJOCO_GL"] = OFFSCREEN_GL
 
 
 def invoke_command(command: click.Command, arguments: list[str]) -> NoReturn:

@@ -4,12 +4,11 @@ import copy
 import os
 from collections.abc import Sequence
 
-import mujoco
 import numpy as np
 
 from omni_control.kinematics import Array
 from omni_mj.config.rows import Row
-from omni_mj.mjcf import world_builder
+from omni_mj.mjcf import mujoco, world_builder
 from omni_mj.network.radio import ReceivedCommand
 from omni_mj.plants.mjdata_views import CopyableBatch, RobotViews
 from omni_mj.plants.mujoco_robots import MujocoRobots

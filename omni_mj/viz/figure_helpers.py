@@ -7,7 +7,7 @@ from textwrap import fill
 from typing import Any
 
 import numpy as np
-from matplotlib import rc_context
+from matplotlib import style as matplotlib_style
 from matplotlib.axes import Axes
 from matplotlib.axis import XAxis, YAxis
 from matplotlib.figure import Figure
@@ -36,7 +36,8 @@ def figure_file(stem: Path, title: str = "", svg: bool = False, **options: Any) 
         svg: Whether to save an SVG file as well.
         **options: Arguments of `matplotlib.figure.Figure`, such as `figsize`.
     """
-    with rc_context(fname=style.STYLE_SHEET):
+    # A user's matplotlibrc has no effect, and a user's settings are as before at the end.
+    with matplotlib_style.context(["default", style.STYLE_SHEET]):
         figure = Figure(**options)
         yield figure
         width = round(LETTERS_PER_INCH * figure.get_figwidth())

@@ -5,7 +5,6 @@ from itertools import pairwise
 from pathlib import Path
 from typing import NamedTuple
 
-import mujoco
 import numpy as np
 import pyarrow.compute as pc
 from PIL import Image, ImageDraw, ImageFont
@@ -17,7 +16,7 @@ from omni_mj.config.resolve import resolve_settings
 from omni_mj.config.settings import Settings
 from omni_mj.io import parquet
 from omni_mj.io.atomic_files import open_atomic
-from omni_mj.mjcf import world_builder
+from omni_mj.mjcf import mujoco, world_builder
 from omni_mj.mjcf.field import ROBOT_HEIGHT_M, ROBOT_RADIUS_M
 from omni_mj.results.summary import read_summary
 from omni_mj.viz import style

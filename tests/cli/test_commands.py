@@ -74,6 +74,51 @@ def test_an_interrupt_during_an_import_is_an_interrupt(tmp_path: Path) -> None:
         assert (done.returncode, done.stderr) == (code, message)
 
 
+FOREIGN = {
+    "MPLBACKEND": "module://matplotlib_inline.backend_inline",  # of notebooks
+    "MUJOCO_GL": "none-that-exists",
+    "RERUN": "off",
+    "_RERUN_TEST_FORCE_SAVE": "/nowhere/file",
+}
+LIBRARY_CALL = """
+import os
+from pathlib import Path
+
+import matplotlib as mpl
+
+before = dict(os.environ), dict(mpl.rcParams)
+import omni_mj as om
+from omni_mj.viz.figure_helpers import figure_file
+
+om.run(om.load_scenario("rect", plant="planar", reference={"waypoints": [[0, 0], [0.1, 0]]}), "p")
+with figure_file(Path("a")) as figure:
+    figure.subplots()
+assert (dict(os.environ), dict(mpl.rcParams)) == before
+"""
+
+
+def test_settings_of_other_programs_neither_end_a_run_nor_change(tmp_path: Path) -> None:
+    """Notebooks set MPLBACKEND for all programs that they start; LaTeX may not be installed."""
+    (tmp_path / "matplotlibrc").write_text("backend: module://nowhere\ntext.usetex: True\n")
+    run = ["-m", "omni_mj", "run", "--scenario", "rect", "--plant", "planar", *SHORT, "--quiet"]
+    for arguments, backend in (
+        ([*run, "--controller", "p", "--out", "out"], {}),
+        (["-c", LIBRARY_CALL], {"MPLBACKEND": "tkagg"}),
+    ):
+        environment = os.environ | FOREIGN | backend
+        done = subprocess.run(
+            [sys.executable, *arguments],
+            cwd=tmp_path,
+            env=environment,
+            capture_output=True,
+            text=True,
+            timeout=60,
+        )
+        assert (done.returncode, done.stderr) == (0, "")
+    for name in ("recording.rrd", "report.html", "figures/path.png"):
+        assert (tmp_path / "out" / name).stat().st_size > 1000
+
+
 def test_help_names_every_command_and_its_examples_parse(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
