@@ -167,7 +167,7 @@ def correct_heading(
             lacks_heading=s.lacks_heading & ~initializes,
             ignores_commands=xp.where(initializes, inputs.ignores_commands, s.ignores_commands),
         )
-        vision_heading = xp.where(initializes | s.is_off, np.nan, vision_heading)
+        vision_heading = xp.where(s.is_off, np.nan, vision_heading)
     is_current_frame = xp.arange(memory_frames)[:, None] == frame % memory_frames
     past_headings = xp.where(is_current_frame, s.heading, s.past_headings)
     sent_frame = (frame - inputs.heading_age) % memory_frames

@@ -79,9 +79,20 @@ class Firmware:
         self._s = firmware.set_heading(self._s, np.ones(self.n, bool), np.full(self.n, heading))
 
     def begin_frame(
-        self, vision_heading: ArrayLike = np.nan, age: int = 0, off: bool | None = None
+        self,
+        vision_heading: ArrayLike = np.nan,
+        age: int = 0,
+        off: bool | None = None,
+        angle: ArrayLike = 0.0,
     ) -> None:
-        """Begin a frame with a heading of vision, and with processors on or off."""
+        """Begin a frame with a heading of vision, and with processors on or off.
+
+        Args:
+            vision_heading: Heading of vision, rad.
+            age: Frames since that heading was sent.
+            off: Whether processors are off; None if they cannot fail.
+            angle: Angles of the wheels, (W,) rad.
+        """
         inputs = firmware_state.make_undisturbed_inputs(self.n)._replace(
             vision_heading=np.full(self.n, vision_heading),
             heading_age=np.full(self.n, age),
@@ -89,8 +100,8 @@ class Firmware:
             processor_is_off=np.full(self.n, off),
         )
         if off is not None:
-            angle = np.zeros_like(self._s.duty)
-            self._s = firmware.switch_processors(self._p, self._s, self.cycle, inputs, angle)
+            angles = np.zeros_like(self._s.duty) + np.reshape(angle, (-1, 1))
+            self._s = firmware.switch_processors(self._p, self._s, self.cycle, inputs, angles)
         self._s = firmware.correct_heading(self._p, self._s, self.frame, inputs)
         self._s = firmware.derate_motors(self._p, self._s, self.winding)
         self.frame += 1
