@@ -176,6 +176,84 @@ def test_killed_process_loses_no_finished_shard(
     assert "kinematic.alpha_low" in (folder / "sweep.md").read_text()
 
 
+NOTED = """
+import os
+from pathlib import Path
+
+import omni_mj as om
+
+
+class Noted(om.Controller):
+    def command(self, frame, observation):
+        Path(f"process-{os.getpid()}").touch()
+        return -observation.pose
+"""
+PROGRAM = """
+import omni_mj as om
+
+
+class Mine(om.Controller):
+    def command(self, frame, observation):
+        return 0.0 * observation.pose
+
+
+def sweep(controller):
+    reference = {"waypoints": [[0, 0], [0.1, 0]]}
+    rect = om.load_scenario("rect", plant="kinematic", reference=reference)
+    try:
+        result = om.sweep(rect, {"radio.delay_frames": [3, 4]}, [controller], out="map", jobs=2)
+        print(result.rows().num_rows, "rows")
+    except om.OmniError as error:
+        print(error)
+
+
+"""
+GUARD = 'if __name__ == "__main__":\n    '
+
+
+def test_processes_share_the_runs_of_one_shard(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A line says why a third process has nothing to do."""
+    monkeypatch.chdir(tmp_path)
+    Path("noted.py").write_text(NOTED)
+    vary, names = {"radio.delay_frames": [0, 4]}, ["noted.py:Noted", "p"]
+    with pytest.warns(UserWarning, match="only 2 of 3 processes run: a run with its controllers"):
+        shared = bench.sweep(scenario(), vary, names, out="shared", jobs=3)
+    assert len(shared.plan.shards) == 1
+    assert len([*Path().glob("process-*")]) == 2
+    assert bits(shared.rows()) == bits(bench.sweep(scenario(), vary, names, out="one").rows())
+
+
+def test_programs_that_processes_cannot_import_are_refused_before_they_start(
+    tmp_path: Path,
+) -> None:
+    """Cells, standard input, and calls outside of the guard; the last program is right."""
+    in_function = "def f():\n    class Inner(Mine):\n        pass\n    sweep(Inner)\n"
+    for name, call, message in (
+        ("cell", "sweep(Mine)", "the class Mine cannot be sent to other processes: write it to a"),
+        ("stdin", GUARD + "sweep('p')", "which is in no file: save it to a file, or use jobs=1"),
+        ("script", "sweep('p')", "move the call in its line 20 into a block `if __name__"),
+        ("local", f"{in_function}{GUARD}f()", "the class f.<locals>.Inner cannot be sent"),
+        ("guarded", GUARD + "sweep(Mine)", "2 rows"),
+    ):
+        file = tmp_path / f"{name}.py"
+        file.write_text(PROGRAM + call + "\n")
+        program = {"cell": ["-c", file.read_text()], "stdin": ["-"]}.get(name, [str(file)])
+        done = subprocess.run(
+            [sys.executable, *program],
+            input=file.read_text() if name == "stdin" else "",
+            cwd=tmp_path,
+            capture_output=True,
+            text=True,
+            timeout=60,
+        )
+        assert (done.returncode, done.stderr) == (0, ""), name
+        assert message in done.stdout
+        assert done.stdout.count("\n") == 1
+        assert (tmp_path / "map").exists() == (name == "guarded")
+
+
 @pytest.fixture(scope="module")
 def cluster() -> Iterator[tuple[str, list[subprocess.Popen[bytes]]]]:
     """Provide the address of a scheduler, and two worker processes."""

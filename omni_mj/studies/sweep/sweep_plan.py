@@ -4,7 +4,7 @@ import itertools
 import json
 import math
 import re
-from collections.abc import Hashable, Iterable, Mapping
+from collections.abc import Hashable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, fields
 from functools import cached_property
 from typing import Any, NamedTuple
@@ -20,6 +20,7 @@ from omni_mj.config.toml_files import parse_value
 from omni_mj.robot.numpy_and_jax_backends import choose_backend
 from omni_mj.simulation.simulation import batch_key
 from omni_mj.studies.run_scenario import check_memory, choose_shared_backend
+from omni_mj.studies.sweep.process_checks import check_program
 
 SWEEP_FILE = "sweep.json"  # the axes; written first, so a folder that contains it is resumed
 MODEL_AXIS = "model.file"  # setting that names a file
@@ -177,6 +178,23 @@ class SweepPlan:
             batches += [tuple(runs[i : i + size]) for i in range(0, len(runs), size)]
         return [Shard(number, runs) for number, runs in enumerate(batches)]
 
+    def split_shards(self, shards: Sequence[Shard], processes: int) -> list[Shard]:
+        """Return shards or, if there are fewer than processes, parts of them with their numbers.
+
+        Only the numpy backend gives the same bits for any number of robots.
+        """
+        is_divisible = all(
+            point.settings.physics.backend == "numpy" for point in self.point_scenarios
+        )
+        if not shards or len(shards) >= processes or not is_divisible:
+            return list(shards)
+        parts_per_shard = math.ceil(processes / len(shards))
+        parts = []
+        for number, runs in shards:
+            size = math.ceil(len(runs) / parts_per_shard)
+            parts += [Shard(number, runs[i : i + size]) for i in range(0, len(runs), size)]
+        return parts
+
     @cached_property
     def frames(self) -> int:
         """Number of frames of the longest run."""
@@ -185,9 +203,15 @@ class SweepPlan:
         )
 
     def check(self, processes: int) -> None:
-        """Raise OmniError if the number of processes is not valid or needs too much memory."""
+        """Check the number of processes, the memory that they need, and what they import.
+
+        Raises:
+            OmniError: The processes cannot run the sweep.
+        """
         if processes < 1:
             raise OmniError(f"jobs must be at least 1, not {processes}")
+        if processes > 1:
+            check_program(self.scenario.controllers)
         runs = max(len(shard.runs) for shard in self.shards)
         check_memory(processes * runs * len(self.scenario.controllers), self.frames)
 

@@ -4,6 +4,7 @@ The rows of a shard are stored as soon as it is done, so a sweep that was stoppe
 resumed.
 """
 
+import warnings
 from collections.abc import Iterable, Mapping, Sequence
 from concurrent.futures import Executor
 from contextlib import nullcontext
@@ -157,12 +158,21 @@ def run_sweep(
     remaining = sorted(set(plan.shards) - set(stored))
     after_frame = start_progress("sweep", plan.frames * len(remaining))
     n_done = len(stored)
+    parts = remaining if executor else plan.split_shards(remaining, jobs)
+    n_processes = 1 if executor else min(jobs, len(parts))
+    if remaining and not executor and n_processes < jobs:
+        warnings.warn(
+            f"only {n_processes} of {jobs} processes run: a run with its controllers cannot be "
+            "divided, nor can a shard with the backend jax",
+            stacklevel=5,  # the caller of `sweep`
+        )
+    pool = process_pool(n_processes) if n_processes > 1 else nullcontext(executor)
     try:
-        with nullcontext(executor) if executor or jobs == 1 else process_pool(jobs) as workers:
+        with pool as workers:
             if workers is None:
                 shard_tables = run_shards(plan, remaining, after_frame)
             else:
-                shard_tables = run_shards_on_workers(workers, plan, remaining, after_frame)
+                shard_tables = run_shards_on_workers(workers, plan, parts, after_frame)
             for shard, rows in shard_tables:
                 if dependencies(plan) != expected:
                     raise OmniError(

@@ -101,14 +101,14 @@ def create_simulation(plan: SweepPlan, shard: Shard) -> Simulation:
 
 
 def run_shards_on_workers(
-    executor: Executor, plan: SweepPlan, shards: Sequence[Shard], after_frame: AfterFrame
+    executor: Executor, plan: SweepPlan, parts: Sequence[Shard], after_frame: AfterFrame
 ) -> Iterator[tuple[Shard, pa.Table]]:
     """Run shards in other processes and yield each shard's table as soon as it is done.
 
     Args:
         executor: Executor of the processes.
         plan: Plan of the sweep.
-        shards: Shards to run.
+        parts: Shards, or parts of shards in the order of their runs.
         after_frame: Called every `POLL_S` with the number of the last frame of the shards that are
             done. Its exceptions end the iteration.
 
@@ -119,31 +119,37 @@ def run_shards_on_workers(
     expected = dependencies(plan)
     done = SimpleQueue[Future[pa.Table]]()
     pending: dict[Future[pa.Table], Shard] = {}
-    for shard in shards:
-        future = executor.submit(_run_on_worker, plan, shard, expected)
-        pending[future] = shard
+    for part in parts:
+        future = executor.submit(_run_on_worker, plan, part, expected)
+        pending[future] = part
         future.add_done_callback(done.put)
+    tables: dict[Shard, pa.Table] = {}
+    n_frames = len({part.number for part in parts}) * plan.frames
     while pending:
-        after_frame((len(shards) - len(pending)) * plan.frames - 1)
+        after_frame(n_frames * (len(parts) - len(pending)) // len(parts) - 1)
         try:
             future = done.get(timeout=POLL_S)
         except Empty:
             continue
-        shard = pending.pop(future)
+        part = pending.pop(future)
         try:
-            yield shard, future.result()
+            tables[part] = future.result()
         except BrokenProcessPool:
             after_frame(-1)  # a signal to all processes is the reason
             raise OmniError(
-                "a process of --jobs was killed, perhaps for lack of memory; completed shards "
-                "are saved: to resume, repeat the command with fewer --jobs"
+                "a process of --jobs ended, for lack of memory or for a reason given above; "
+                "completed shards are saved: to resume, repeat the command with fewer --jobs"
             ) from None
         except OmniError:
             raise
         except Exception as error:
             reason = f"{type(error).__name__}: {error}"
-            raise OmniError(f"a worker could not run shard {shard.number}: {reason}") from error
-    after_frame(len(shards) * plan.frames - 1)
+            raise OmniError(f"a worker could not run shard {part.number}: {reason}") from error
+        siblings = [sibling for sibling in parts if sibling.number == part.number]
+        if all(sibling in tables for sibling in siblings):
+            rows = [tables.pop(sibling) for sibling in siblings]
+            yield plan.shards[part.number], pa.concat_tables(rows, promote_options="permissive")
+    after_frame(n_frames - 1)
 
 
 def _run_on_worker(plan: SweepPlan, shard: Shard, expected: dict[str, str]) -> pa.Table:
