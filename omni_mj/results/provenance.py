@@ -20,6 +20,7 @@ from omni_control.errors import OmniError
 from omni_mj.config import plugins, robot_files
 from omni_mj.config.scenario import Scenario
 from omni_mj.io.atomic_files import read_json, write_files, write_json
+from omni_mj.results.arithmetic import describe_arithmetic
 from omni_mj.results.summary import flatten, package_versions
 
 PROVENANCE_FORMAT = 3  # version of the keys of provenance.json
@@ -132,7 +133,7 @@ def _describe_study(
 
 
 def describe_environment() -> dict[str, Any]:
-    """Return package versions, a hash of the source, the git commit and the processor."""
+    """Return package versions, a hash of the source, the git commit and the machine."""
     # On Linux, Python does not report the processor's name.
     cpu_file = Path("/proc/cpuinfo")
     text = cpu_file.read_text(encoding="utf-8", errors="replace") if cpu_file.exists() else ""
@@ -144,6 +145,7 @@ def describe_environment() -> dict[str, Any]:
         "machine": {
             "CPU": name[1] if name else platform.processor(),
             "system": f"{platform.system()} {platform.machine()}",
+            **describe_arithmetic(),
         },
     }
 

@@ -2,11 +2,15 @@
 
 import gc
 import json
+import os
+import pickle
 import shlex
+import shutil
 import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterator
+from concurrent.futures import Executor, Future
 from pathlib import Path
 from typing import Any
 
@@ -315,11 +319,43 @@ def test_cluster_with_a_killed_worker_and_processes_give_the_same(
     )
     assert invoke(*sweep_command(tmp_path / "command"), "--cluster", address) == 0
     assert bits(pq.read_table(tmp_path / "command" / "rows.parquet")) == bits(complete_sweep.rows())
-    with Client(address) as client, pytest.MonkeyPatch.context() as patch:
-        true = bench.workers.dependencies
-        patch.setattr(bench.workers, "dependencies", lambda plan: {**true(plan), "mujoco": "1.2.3"})
-        with pytest.raises(om.OmniError, match=r"other versions.*mujoco 4\S*, not 1\.2\.3"):
-            run_sweep(tmp_path / "other", executor=client.get_executor(pure=False))
+
+
+class OtherInstallation(Executor):
+    """Runs each call in a new process with other source or environment."""
+
+    def __init__(self, environment: dict[str, str]) -> None:
+        self.environment = os.environ | environment
+
+    def submit(self, function: Any, /, *arguments: Any, **_: Any) -> Future[Any]:
+        code = "import pickle, sys; f, a = pickle.load(sys.stdin.buffer); f(*a)"
+        done = subprocess.run(
+            [sys.executable, "-P", "-c", code],
+            input=pickle.dumps((function, arguments)),
+            env=self.environment,
+            capture_output=True,
+            timeout=60,
+        )
+        future: Future[Any] = Future()
+        future.set_exception(RuntimeError(done.stderr.decode()))
+        return future
+
+
+def test_workers_with_another_source_or_arithmetic_are_refused(tmp_path: Path) -> None:
+    root = Path(om.__file__).parents[1]
+    for name in ("omni_mj", "models"):
+        shutil.copytree(root / name, tmp_path / "other" / name)
+    with (tmp_path / "other/omni_mj/config/rows.py").open("a") as file:
+        file.write("# changed\n")
+    for environment, difference in (
+        (
+            {"PYTHONPATH": str(tmp_path / "other")},
+            r"OmniError: .*other versions.*: source \w+, not",
+        ),
+        ({"OPENBLAS_CORETYPE": "Nehalem"}, "OmniError: .*another processor.*BLAS .*Nehalem, not"),
+    ):
+        with pytest.raises(om.OmniError, match=difference):
+            run_sweep(tmp_path / "out", executor=OtherInstallation(environment))
 
 
 def test_clusters_and_packages_that_are_not_there_leave_no_folder(

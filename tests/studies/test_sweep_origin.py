@@ -99,6 +99,7 @@ def test_a_sweep_is_continued_only_if_nothing_has_changed(
         (change_record("versions", "torch"), "torch was another in the run, is absent here"),
         (change_record("source"), "source was another"),
         (change_record("machine", "CPU"), "CPU was another"),
+        (change_record("machine", "sample results"), "sample results was another"),
         (Path("out/provenance.json").unlink, "provenance.json cannot be read"),
     )
     for change, expected_error in cases:
@@ -113,6 +114,63 @@ def test_a_sweep_is_continued_only_if_nothing_has_changed(
                 path.write_bytes(data)
     change_record("git")()
     assert invoke(*SWEEP) == 0, "a commit with the same source changes nothing"
+
+
+def test_a_sweep_is_not_continued_with_other_arithmetic(copied_sweep: None) -> None:
+    """Of the same processor: these variables choose its oldest instructions."""
+    features = " ".join(
+        json.loads(Path("out/provenance.json").read_text())["machine"]["SIMD"].split()[1:]
+    )
+    other = {"OPENBLAS_CORETYPE": "Nehalem", "NPY_DISABLE_CPU_FEATURES": features}
+    done = subprocess.run(
+        [sys.executable, "-m", "omni_mj", *SWEEP],
+        env=os.environ | other,
+        capture_output=True,
+        text=True,
+        timeout=60,
+    )
+    assert done.returncode == 2
+    for name in ("SIMD", "BLAS", "sample results"):
+        assert f"error: machine.{name} was " in done.stderr
+
+
+def test_stored_rows_of_other_runs_are_found(tmp_path: Path) -> None:
+    """A shard's file that was copied, renamed or swapped, or is one of another sweep."""
+
+    def sweep(folder: Path, length_m: float, n_shards: int) -> bench.SweepResult:
+        def after_frame(frame: int) -> None:
+            if len([*folder.glob("shards/*.parquet")]) == n_shards:
+                raise bench.StoppedError("enough")
+
+        reference = {"waypoints": [[0, 0], [length_m, 0]], "settle_s": 0.1}
+        rect = om.load_scenario("rect", plant="kinematic", reference=reference)
+        vary = {"radio.delay_frames": [0, 2, 4]}
+        options = {"batch_size": 1, "start_progress": lambda title, n_frames: after_frame}
+        return om.sweep(rect, vary, ["p"], out=folder, **options)
+
+    sweep(tmp_path / "other", 0.2, 9)
+    sweep(tmp_path / "stopped", 0.1, 2)
+    other_rows = tmp_path / "other" / "rows.parquet"
+
+    def swap(shards: Path) -> None:
+        (shards / "000000.parquet").rename(shards / "swapped")
+        (shards / "000001.parquet").rename(shards / "000000.parquet")
+        (shards / "swapped").rename(shards / "000001.parquet")
+
+    cases: tuple[Callable[[Path], object], ...] = (
+        swap,
+        lambda shards: shutil.copy(shards / "000000.parquet", shards / "000001.parquet"),
+        lambda shards: shutil.copy(shards / "000000.parquet", shards / "000002.parquet"),
+        lambda shards: (shards / "000000.parquet").rename(shards / "000007.parquet"),
+        lambda shards: shutil.copy(other_rows, shards / "000002.parquet"),
+        lambda shards: shutil.copy(other_rows, shards.parent / "rows.parquet"),
+    )
+    for i, change in enumerate(cases):
+        folder = shutil.copytree(tmp_path / "stopped", tmp_path / f"changed-{i}")
+        change(folder / "shards")
+        with pytest.raises(om.OmniError, match=r"parquet holds rows of other runs, or of another"):
+            sweep(folder, 0.1, 9)
+    assert sweep(tmp_path / "stopped", 0.1, 9).complete
 
 
 def test_a_sweep_from_python_is_continued_by_the_same_rules(tmp_path: Path) -> None:

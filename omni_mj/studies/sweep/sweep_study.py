@@ -4,6 +4,7 @@ The rows of a shard are stored as soon as it is done, so a sweep that was stoppe
 resumed.
 """
 
+import json
 import warnings
 from collections.abc import Iterable, Mapping, Sequence
 from concurrent.futures import Executor
@@ -21,7 +22,7 @@ from omni_mj.config.plugins import ControllerSpec
 from omni_mj.config.scenario import Scenario
 from omni_mj.io import parquet
 from omni_mj.io.atomic_files import check_folder, create_folder, lock_folder, write_json, write_text
-from omni_mj.results.provenance import check_unchanged, save_provenance
+from omni_mj.results.provenance import check_unchanged, save_provenance, sha256
 from omni_mj.studies.run_scenario import (
     StartProgress,
     StoppedError,
@@ -42,6 +43,7 @@ from omni_mj.studies.sweep.workers import (
 )
 
 STUDY, ROWS, SHARDS = "sweep", "rows.parquet", "shards"
+ORIGIN = b"origin"  # key of a file's metadata: hash of everything that determines its rows
 
 
 @dataclass(frozen=True)
@@ -179,7 +181,7 @@ def run_sweep(
                         "a file of the robot, model, controller or plant was changed during the "
                         f"sweep; the completed shards in {folder} are of the former file"
                     )
-                parquet.write_tables([rows], _shard_file(folder, shard))
+                _write_rows(plan, [shard], rows, _shard_file(folder, shard))
                 n_done += 1
     except StoppedError as error:
         stopped = str(error)
@@ -194,13 +196,16 @@ def _prepare_folder(plan: SweepPlan, folder: Path, command: str | None) -> None:
     Raises:
         OmniError: The folder holds another sweep, or one that cannot be continued here.
     """
+    is_continued = bool(stored_shards(plan, folder))
+    if is_continued:  # checked first, because settings that are computed depend on the processor
+        check_unchanged(folder, STUDY, plan.recorded_scenarios)
     for name, text in plan.files.items():
         if not (folder / name).exists():
             write_text(folder / name, text)
         elif (folder / name).read_text(encoding="utf-8") != text:
             raise OmniError(f"{folder} holds another sweep, by its {name}; name another --out")
-    if stored_shards(plan, folder):
-        check_unchanged(folder, STUDY, plan.recorded_scenarios)
+    if is_continued:
+        _check_stored_rows(plan, folder)
     else:
         save_provenance(folder, STUDY, command, plan.recorded_scenarios, frames=False)
     create_folder(folder / SHARDS)
@@ -211,13 +216,39 @@ def _write_result(result: SweepResult) -> None:
     plan, folder = result.plan, result.folder
     check_folder(folder)
     if result.complete and not (folder / ROWS).exists():
-        parquet.write_tables([_merge_shards(plan, folder)], folder / ROWS)
+        _write_rows(plan, plan.shards, _merge_shards(plan, folder), folder / ROWS)
     if result.n_done:
         write_json(folder / "summary.json", result.summary)
     if result.complete:
         for shard in plan.shards:
             _shard_file(folder, shard).unlink(missing_ok=True)
         (folder / SHARDS).rmdir()
+
+
+def _write_rows(plan: SweepPlan, shards: Sequence[Shard], rows: pa.Table, path: Path) -> None:
+    """Write the rows of shards with a hash of everything that determines them."""
+    metadata = {ORIGIN: _hash_origin(plan, shards)}
+    parquet.write_tables([rows.replace_schema_metadata(metadata)], path)
+
+
+def _check_stored_rows(plan: SweepPlan, folder: Path) -> None:
+    """Raise `OmniError` if a stored file holds rows of other runs than its name says."""
+    contents = {_shard_file(folder, shard): [shard] for shard in plan.shards}
+    contents[folder / ROWS] = plan.shards
+    for path in [*folder.glob(ROWS), *folder.glob(f"{SHARDS}/*.parquet")]:
+        metadata = parquet.read_table(path, ["point"]).schema.metadata or {}
+        shards = contents.get(path)
+        if shards is None or metadata.get(ORIGIN) != _hash_origin(plan, shards):
+            raise OmniError(
+                f"{path} holds rows of other runs, or of another sweep: delete it, and repeat the "
+                "command"
+            )
+
+
+def _hash_origin(plan: SweepPlan, shards: Sequence[Shard]) -> bytes:
+    """Return a hash of everything that determines the rows of shards."""
+    runs = [shard.runs for shard in shards]
+    return sha256(json.dumps([plan.files, dependencies(plan), runs]).encode()).encode()
 
 
 def stored_shards(plan: SweepPlan, folder: Path) -> list[Shard]:

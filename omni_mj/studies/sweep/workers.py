@@ -21,6 +21,7 @@ import pyarrow as pa
 from omni_control.errors import OmniError
 from omni_control.install_hints import describe_installation
 from omni_mj.config.rows import build_rows
+from omni_mj.results.arithmetic import describe_arithmetic
 from omni_mj.results.metrics import row_metrics
 from omni_mj.results.provenance import describe_scenarios, sha256, source_digest
 from omni_mj.results.result import list_row_columns
@@ -166,18 +167,20 @@ def _run_on_worker(plan: SweepPlan, shard: Shard, expected: dict[str, str]) -> p
     ]
     if differences:
         raise OmniError(
-            "a worker has other versions than this machine, and may compute other numbers: "
+            "a worker has other versions than this program, or another processor, and may compute "
+            "other numbers: "
             f"{'; '.join(differences)}"
         )
     return run_shard(plan, shard)
 
 
 def dependencies(plan: SweepPlan) -> dict[str, str]:
-    """Return the versions and hashes of files that must be equal for equal results."""
+    """Return versions, arithmetic and hashes of files that must be equal for equal results."""
     copies: dict[str, bytes] = {}
     describe_scenarios(plan.recorded_scenarios, copies)
     hashes = {name: sha256(data)[:12] for name, data in copies.items()}
-    return package_versions() | {"source": source_digest()[:12]} | hashes
+    source = {"source": source_digest()[:12]}
+    return package_versions() | source | describe_arithmetic() | hashes
 
 
 @contextmanager

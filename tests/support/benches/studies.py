@@ -40,7 +40,6 @@ from omni_mj.studies.slip import slip_fits as fits
 from omni_mj.studies.slip import slip_moves as moves
 from omni_mj.studies.slip.slip_moves import Move, straight_move
 from omni_mj.studies.slip.slip_study import PUBLISHED
-from omni_mj.studies.sweep import workers
 from omni_mj.studies.sweep.sweep_plan import SweepPlan, check_axes, parse_axis
 from omni_mj.studies.sweep.sweep_study import SweepResult, sweep
 from omni_mj.studies.sweep.workers import run_shard
