@@ -55,6 +55,12 @@ class MotorSettings(SettingsModel):
     torque_constant_nm_a: float = setting(
         FROM_ROBOT, "datasheet: torque constant at 25 deg C", "N m/A", low=1e-6, high=100
     )
+    torque_factor: float = setting(
+        1.0,
+        "torque per current in the robot over the datasheet's; it scales the back-EMF alike",
+        low=0.1,
+        high=2,
+    )
     rotor_inertia_kg_m2: float = setting(
         FROM_ROBOT, "datasheet: rotor inertia", "kg m^2", low=0, high=1
     )
@@ -131,9 +137,14 @@ class MotorSettings(SettingsModel):
         return self.torque_constant_nm_a * self.no_load_current_a
 
     @property
+    def effective_constant_nm_a(self) -> float:
+        """Torque per current in the robot at 25 deg C, N m/A, and back-EMF per speed, V s/rad."""
+        return self.torque_factor * self.torque_constant_nm_a
+
+    @property
     def wheel_back_emf_v_s(self) -> float:
         """Back-EMF per wheel speed, V s/rad, and torque at the wheel per current, N m/A."""
-        return self.torque_constant_nm_a * self.gear_ratio
+        return self.effective_constant_nm_a * self.gear_ratio
 
     @property
     def wheel_dry_friction_nm(self) -> float:

@@ -2,11 +2,11 @@
 
 **Wheel loops.** A wheel that drives exerts the force eta k (kp + k) / (R r^2) along its rim per m/s
 of missing speed, with the proportional gain kp, the torque constant k at the wheel (motor's
-constant times gear ratio), the resistance R, the wheel radius r and the efficiency eta. All wheels
-together exert this force times sum c^2, where c are the direction cosines between rims and motion.
-This is the stiffness of `compute_speed_stiffness`. The lag is the mass over this stiffness. The
-friction loss is the dry friction force over it. Rotor inertia and creep are neglected. If a loop
-has integral action, only its proportional gain is considered.
+constant times gear ratio), the resistance R, the wheel radius r and the gear's efficiency eta. All
+wheels together exert this force times sum c^2, where c are the direction cosines between rims and
+motion. This is the stiffness of `compute_speed_stiffness`. The lag is the mass over this stiffness.
+The friction loss is the dry friction force over it. Rotor inertia and creep are neglected. If a
+loop has integral action, only its proportional gain is considered.
 
 **Creep.** Row i of the matrix G is (d_i, l): the rim direction d_i and the lever arm l of wheel i.
 By the law of `omni_mj.robot.wheel_carpet_forces`, its rim is faster than the contact point by s_i,
@@ -128,11 +128,11 @@ def compute_speed_stiffness(settings: Settings) -> Array:
 def compute_rim_compliance(settings: Settings) -> float:
     """Return the speed that a rim loses per force that it exerts, m/(N s).
 
-    It is R r^2 / (eta k (kp + k)) while the motor drives, with the efficiency eta.
+    It is R r^2 / (eta k (kp + k)) while the motor drives, with the gear's efficiency eta.
     """
     motor, kp = settings.motor, settings.firmware.kp
     constant = motor.wheel_back_emf_v_s
-    stiffness = settings.drivetrain.efficiency * constant * (kp + constant)
+    stiffness = settings.drivetrain.gear_efficiency * constant * (kp + constant)
     return motor.resistance_ohm * settings.wheels.radius_m**2 / stiffness
 
 

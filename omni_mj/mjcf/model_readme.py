@@ -75,7 +75,8 @@ body.tilt_inertia_kg_m2, yaw_inertia_kg_m2 |
 | arm and radius of wheels | {wheels.arm_m:g}, {wheels.radius_m:g} m | wheels.arm_m, radius_m |
 | rollers of a wheel, their radius | {wheels.rollers}, {wheels.roller_radius_m:g} m | \
 wheels.rollers, roller_radius_m |
-| motorconst | {motor.torque_constant_nm_a:g} N m/A | motor.torque_constant_nm_a |
+| motorconst | {motor.effective_constant_nm_a:.4g} N m/A | motor.torque_factor x \
+torque_constant_nm_a |
 | resistance | {motor.resistance_ohm:g} ohm | motor.resistance_ohm |
 | gear | {motor.gear_ratio:.4g} | motor.gear_ratio |
 | armature | {motor.rotor_inertia_kg_m2:g} kg m² | motor.rotor_inertia_kg_m2 |

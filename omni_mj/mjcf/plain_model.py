@@ -118,7 +118,7 @@ def _build_standard_mjcf(settings: Settings, name: str) -> ElementTree.Element:
         },
         f"{DEFAULTS}/default[@class='roller']/joint": {"damping": drivetrain.roller_damping_nm_s},
         f"{DEFAULTS}/dcmotor": {
-            "motorconst": motor.torque_constant_nm_a,
+            "motorconst": motor.effective_constant_nm_a,
             "resistance": motor.resistance_ohm,
             "ctrlrange": compute_full_voltage(settings) * np.array([-1, 1]),
         },
@@ -185,7 +185,7 @@ def _write_motors_and_friction(
         motor_spec = spec.actuators[actuator]
         if motor_spec.name.startswith(_UNNAMED):
             motor_spec.name = f"motor_{number}"
-        motor_spec.gainprm[:2] = motor.resistance_ohm, motor.torque_constant_nm_a
+        motor_spec.gainprm[:2] = motor.resistance_ohm, motor.effective_constant_nm_a
         motor_spec.ctrllimited = 1
         motor_spec.ctrlrange = compute_full_voltage(settings) * np.array([-1, 1])
     dofs = [(address, motor.wheel_viscous_friction_nm_s) for address in robot.wheel_dofs]

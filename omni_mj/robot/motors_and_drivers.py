@@ -6,14 +6,18 @@ the resistance X |w| (derived in `omni_mj.config.motor_settings`). A driver is a
 the current, driving or braking, would exceed its limit, the driver sets the voltage at which the
 current is at the limit. Without battery voltage, drivers let the motors coast.
 
-Motor and gear lose torque under load: the friction of a hub grows by (1 - eta) |K I|, with the
-efficiency eta of the robot. A motor that drives passes eta K I to the wheel.
+K is the constant in the robot, `motor.torque_factor` times the datasheet's. Torque and back-EMF
+have one K, because K I w is the electrical power that becomes mechanical power, driving or braking.
+
+A gear rubs under load: the friction of a hub grows by (1 - eta) |K I|, with the efficiency eta of
+the gear. A motor that drives passes eta K I to the wheel, one that brakes (2 - eta) K I.
 
 Heat flows through two nodes, as in the thermal rows of maxon's datasheets. The winding receives
 the copper losses R I^2 and passes heat to the housing. The housing receives the commutation losses
-X |w| I^2 and the friction losses (dry friction + viscous friction |w| + load friction) |w|, and
-passes heat to the air. The resistance of copper rises with the winding's temperature. The magnets
-have the housing's temperature, and weaken as it rises.
+X |w| I^2 and the losses (dry friction + viscous friction |w|) |w| of the motor's own friction, and
+passes heat to the air. Gears are outside the motors, and do not heat them. The resistance of copper
+rises with the winding's temperature. The magnets have the housing's temperature, and weaken as it
+rises.
 """
 
 from collections.abc import Sequence
@@ -42,9 +46,9 @@ class MotorParameters(NamedTuple):
     cold_torque_constant: Array  # at 25 deg C, at the motor's shaft, (W, n) N m/A
     commutation: Array  # X: resistance per wheel speed, ohm s/rad
     current_limit: Array  # largest current of the driver, A
-    dry_friction: Array  # dry friction torque of motor and gear, N m
+    dry_friction: Array  # dry friction torque of the motor, N m
     viscous_friction: Array  # friction torque per wheel speed, N m s/rad
-    load_friction: Array  # friction torque per torque of the motor, 1
+    load_friction: Array  # friction torque of the gear per torque of the motor, 1
     copper_coefficient: Array  # relative change of the resistance, 1/K
     magnet_coefficient: Array  # relative change of the torque constant, 1/K
     ambient: Array  # temperature of the air, deg C
@@ -66,19 +70,19 @@ def make_motor_parameters(settings: Sequence[Settings], magnet_factor: Array) ->
 
     Args:
         settings: One per robot.
-        magnet_factor: Ratio of each motor's torque constant to the datasheet's, (W, n).
+        magnet_factor: Ratio of each motor's torque constant to that of the settings, (W, n).
     """
     sheets = [s.motor for s in settings]
     gear_ratio = gather(sheets, "gear_ratio")
     return MotorParameters(
         gear_ratio=gear_ratio,
         cold_resistance=gather(sheets, "resistance_ohm"),
-        cold_torque_constant=gather(sheets, "torque_constant_nm_a") * magnet_factor,
+        cold_torque_constant=gather(sheets, "effective_constant_nm_a") * magnet_factor,
         commutation=gather(sheets, "commutation_ohm_s") * gear_ratio,
         current_limit=gather(settings, "firmware.current_limit_a"),
         dry_friction=gather(sheets, "wheel_dry_friction_nm"),
         viscous_friction=gather(sheets, "wheel_viscous_friction_nm_s"),
-        load_friction=1 - gather(settings, "drivetrain.efficiency"),
+        load_friction=1 - gather(settings, "drivetrain.gear_efficiency"),
         copper_coefficient=gather(sheets, "winding_resistance_per_k"),
         magnet_coefficient=gather(sheets, "torque_constant_per_k"),
         ambient=gather(sheets, "ambient_c"),
@@ -164,7 +168,7 @@ def compute_resistance(p: MotorParameters, s: MotorState, wheel_speed: Array) ->
 
 
 def compute_load_friction(p: MotorParameters, s: MotorState, current: Array) -> Array:
-    """Return the friction torque of hubs by the load of motor and gear, (W, n) N m.
+    """Return the friction torque of hubs by the load of the gear, (W, n) N m.
 
     Args:
         p: Parameters.
@@ -218,10 +222,7 @@ def update_temperatures(
     abs_speeds = abs(wheel_speeds)
     # Averaged as a product, because speed and current are correlated within a frame
     housing_losses = abs_speeds * (
-        p.commutation * squares
-        + p.dry_friction
-        + p.viscous_friction * abs_speeds
-        + compute_load_friction(p, s, currents)
+        p.commutation * squares + p.dry_friction + p.viscous_friction * abs_speeds
     )
     housing_heat = housing_losses.sum(0) / len(currents)
     mean_square = squares.sum(0) / len(currents)

@@ -122,10 +122,8 @@ def test_numbers_of_every_robot_are_consistent(name: str) -> None:
     assert s.drivetrain.roller_friction < s.carpet.friction
     assert s.wheels.arm_m < 0.09  # the league's limit: 180 mm across
     # At 3 m/s, about the paper's limit of speed, the back-EMF is below the nominal voltage.
-    assert (
-        s.motor.torque_constant_nm_a * 3.0 / s.wheels.radius_m * s.motor.gear_ratio
-        < s.firmware.nominal_voltage_v
-    )
+    back_emf = s.motor.wheel_back_emf_v_s * 3.0 / s.wheels.radius_m
+    assert back_emf < s.firmware.nominal_voltage_v
 
 
 def find_error(**sections: Any) -> str:
@@ -299,7 +297,7 @@ def test_assumptions_follow_the_robot_file_and_ignore_the_scenario(
     robot_file = tmp_path / "soft.toml"
     robot_file.write_text(replace_values(text, kp="0.2"))
     robot = om.load_robot("tigers-v2020").settings
-    emf = robot.motor.gear_ratio * robot.motor.torque_constant_nm_a
+    emf = robot.motor.wheel_back_emf_v_s
     assert om.load_robot(robot_file).settings.control.assumed_lag_s == pytest.approx(
         robot.control.assumed_lag_s * (0.4 + emf) / (0.2 + emf), rel=2e-3
     )

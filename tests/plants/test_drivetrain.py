@@ -1,4 +1,4 @@
-"""Losses between motor and carpet: efficiency under load, and motors without a battery."""
+"""Losses between motor and carpet: weak motors, gears under load, and no battery."""
 
 import mujoco
 import numpy as np
@@ -13,11 +13,13 @@ from benches.plant import (
     noiseless,
     with_settings,
 )
+from numpy.typing import NDArray
 
 import omni_mj as om
 from omni_mj.mjcf.robot_builder import build_robot_spec
 
 FORWARD = (1.0, 0.0, 0.0)
+ROLL_OUT_DRAG_N = 2.7  # of the robot ssl-a-team, forward
 STANDING = constant((0, 0, 0), 10, 2)
 LOSSLESS = noiseless(
     wheels={"model": "two-rollers"},
@@ -27,41 +29,88 @@ LOSSLESS = noiseless(
         "gear_friction_nm": 0.0,
         "roller_damping_nm_s": 0.0,
         "creep_stiffness": 1000.0,
-        "efficiency": 1.0,
+        "gear_efficiency": 1.0,
     },
-    motor={"dry_friction_fraction": 0.0, "no_load_current_a": 0.0},
+    motor={"dry_friction_fraction": 0.0, "no_load_current_a": 0.0, "torque_factor": 1.0},
 )
 
 
 @WHEELED_PLANTS
-@pytest.mark.parametrize("efficiency", [0.5, 0.8])
-def test_an_efficiency_reduces_forces_and_adds_to_those_of_brakes(
-    efficiency: float, plant_of: PlantOf
+@pytest.mark.parametrize(
+    ("lossy", "driving", "braking"),
+    [
+        ({"motor": {"torque_factor": 0.7}}, 0.7, 0.7),
+        ({"drivetrain": {"gear_efficiency": 0.7}}, 0.7, 1.3),
+    ],
+    ids=["motor", "gear"],
+)
+def test_a_weak_motor_passes_less_in_both_directions_and_a_gear_rubs_in_both(
+    lossy: dict[str, dict[str, float]], driving: float, braking: float, plant_of: PlantOf
 ) -> None:
-    """Accelerations have the ratio eta while motors drive, and 2 - eta while they brake.
+    """Ratio of the accelerations by the same currents to those without losses.
 
     2 % and 4 %: rollers are spun up, and carpet is compressed, in proportion to the speed, which is
     higher without losses.
     """
-    lossy = LOSSLESS.replace(drivetrain={"efficiency": efficiency})
-    plant = plant_of([LOSSLESS, lossy])
+    plant = plant_of([LOSSLESS, LOSSLESS.replace(**lossy)])
     currents = np.sign(TANGENTS[:, 0]) * np.ones((2, 1))
     plant.set_motor_currents(currents)
     drive(plant, STANDING)
     lossless_speed, lossy_speed = plant.twist()[:, 0]
     assert lossless_speed > 0.3
-    assert lossy_speed / lossless_speed == pytest.approx(efficiency, rel=0.02)
+    assert lossy_speed / lossless_speed == pytest.approx(driving, rel=0.02)
     plant.set_motor_currents(-0.5 * currents)
     drive(plant, STANDING[:5])
     lossless_change, lossy_change = plant.twist()[:, 0] - [lossless_speed, lossy_speed]
-    assert lossy_change / lossless_change == pytest.approx(2 - efficiency, rel=0.04)
+    assert lossy_change / lossless_change == pytest.approx(braking, rel=0.04)
+
+
+@WHEELED_PLANTS
+def test_acceleration_triangles_of_ssl_a_team_are_not_exceeded(plant_of: PlantOf) -> None:
+    """Currents for m a and friction, tuned at 1 m/s^2, fall short at 0.75 and 2 m/s^2.
+
+    Published for a real robot: 14, 3 and 22 % short (SSL-A-Team/controls at d1a83b2,
+    analysis/ros_scripts/accel_tuning/README.md: +a, 0 and -a for 0.5 s each; mean of the slopes of
+    the speed in the first and last part). Motors with one constant for driving and braking are
+    within 2 % of the command, because drag cancels in the mean. Losses that brake exceed it by
+    11 % at 2 m/s^2.
+    """
+    published = np.array([-0.14, -0.03, -0.22])
+    commanded, part = np.array([0.75, 1.0, 2.0]), 30
+    robot = om.load_scenario("rect", robot="ssl-a-team").settings
+    constant_at_rim = robot.motor.torque_constant_nm_a / robot.wheels.radius_m
+    force_shares = np.linalg.pinv(robot.wheels.kinematics.matrix.T)[:, 0]
+
+    def measure_errors(efficiency: float) -> NDArray:
+        plant = plant_of([robot.replace(physics={"backend": "numpy"})] * 3)
+        speeds = [np.zeros(3)]
+        for acceleration in np.repeat([1.0, 0.0, -1.0], part)[:, None] * commanded:
+            friction = ROLL_OUT_DRAG_N * np.sign(speeds[-1].round(4))
+            force = (robot.body.mass_kg * acceleration + friction) / efficiency
+            plant.set_motor_currents(force[:, None] * force_shares / constant_at_rim)
+            drive(plant, constant((0, 0, 0), 1, 3))
+            speeds.append(plant.twist()[:, 0])
+        times = np.arange(part + 1) / 60
+        up, down = (
+            np.polyfit(times, ramp, 1)[0] for ramp in (speeds[: part + 1], speeds[2 * part :])
+        )
+        return np.asarray((up - down) / 2 / commanded - 1)
+
+    tuned = 1 + measure_errors(1.0)[1]
+    tuned *= 1 + measure_errors(tuned)[1]
+    errors = measure_errors(tuned)
+    assert abs(errors[1]) < 0.01, "tuned as the real robot"
+    assert (published < errors).all()
+    assert (errors < 0.02).all()
 
 
 @WHEELED_PLANTS
 def test_cruising_needs_more_current_the_lower_the_efficiency(plant_of: PlantOf) -> None:
     """The force of the motors is that of rolling resistance over the efficiency."""
-    lossy = LOSSLESS.replace(drivetrain={"efficiency": 0.6}, carpet={"rolling_resistance": 0.1})
-    plant = plant_of([lossy, lossy.replace(drivetrain={"efficiency": 1.0})])
+    lossy = LOSSLESS.replace(
+        drivetrain={"gear_efficiency": 0.6}, carpet={"rolling_resistance": 0.1}
+    )
+    plant = plant_of([lossy, lossy.replace(drivetrain={"gear_efficiency": 1.0})])
     drive(plant, constant(FORWARD, 60, 2))
     currents = np.zeros((2, 4))
     for command in constant(FORWARD, 20, 2):

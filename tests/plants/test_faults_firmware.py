@@ -80,7 +80,7 @@ def test_a_rebooting_robot_coasts_or_brakes(plant_of: PlantOf) -> None:
     assert not telemetry.voltage_mean[1].any()
     speeds = telemetry.wheel_speed[1]
     resistance = motor.resistance_ohm + motor.commutation_ohm_s * motor.gear_ratio * np.abs(speeds)
-    shorted = -motor.torque_constant_nm_a * motor.gear_ratio * speeds / resistance
+    shorted = -motor.wheel_back_emf_v_s * speeds / resistance
     # The current is one cycle older than the speed, and wheels slow down.
     np.testing.assert_allclose(telemetry.current[1], shorted, rtol=0.1, atol=0.02)
     drive(plant, constant(TWIST, DURATION - 4, 2))

@@ -48,7 +48,7 @@ def test_a_dead_motor_has_no_current_and_its_wheel_rolls(plant_of: PlantOf) -> N
     telemetry, motor = plant.telemetry(), resolve_settings().motor
     assert abs(telemetry.current_mean[0, 1]) < 1e-9
     assert abs(telemetry.current_mean[1, 1]) > 1e-3
-    back_emf = motor.torque_constant_nm_a * motor.gear_ratio * telemetry.wheel_speed[0, 1]
+    back_emf = motor.wheel_back_emf_v_s * telemetry.wheel_speed[0, 1]
     # The voltage is one cycle older than the speed, and magnets warm up.
     assert telemetry.voltage[0, 1] == pytest.approx(back_emf, rel=0.02)
     # Only its inertia and its rollers brake it, by 3 % of its speed.

@@ -40,7 +40,7 @@ STIFFNESS = 2.5
 NO_FRICTION = {"roller_friction": 0.0, "gear_friction_nm": 0.0, "roller_damping_nm_s": 0.0}
 FREE: dict[str, Any] = {
     "carpet": {"rolling_resistance": 0.0},
-    "drivetrain": NO_FRICTION | {"creep_stiffness": STIFFNESS, "efficiency": 1.0},
+    "drivetrain": NO_FRICTION | {"creep_stiffness": STIFFNESS, "gear_efficiency": 1.0},
     "firmware": STIFF,
     "battery": {"resistance_ohm": 0.0},
     "motor": {"no_load_current_a": 0.0},
@@ -114,7 +114,7 @@ def test_slip_is_steady_up_to_the_friction_limit_and_beyond(plant_of: PlantOf) -
     plant = plant_of([noiseless(**FREE | {"carpet": carpet})] * n)
     torque = pulls[:, None] * friction * MASS_KG * GRAVITY / 4 * RADIUS_M * np.sign(TANGENTS[:, 0])
     motor = resolve_settings().motor
-    plant.set_motor_currents(torque / motor.torque_constant_nm_a / motor.gear_ratio)
+    plant.set_motor_currents(torque / motor.wheel_back_emf_v_s)
     speeds, slips = [], []
     for _ in range(40):
         drive(plant, constant([0.0, 0.0, 0.0], 1, n))

@@ -60,22 +60,21 @@ def test_resistance_rises_with_temperature() -> None:
     assert cold / warm == pytest.approx(1 + 0.00393 * 100)
 
 
-@pytest.mark.parametrize("efficiency", [0.6, 1.0])
 @pytest.mark.parametrize(("current", "speed"), [(2.5, 0.0), (4.0, 60.0), (0.5, 120.0)])
 def test_temperatures_solve_the_differential_equation_of_two_nodes(
-    current: float, speed: float, efficiency: float
+    current: float, speed: float
 ) -> None:
-    """C_w T_w' = R(T_w) I^2 - q, C_h T_h' = P + q - (T_h - T_a) / R_ha, q = (T_w - T_h) / R_wh."""
+    """C_w T_w' = R(T_w) I^2 - q, C_h T_h' = P + q - (T_h - T_a) / R_ha, q = (T_w - T_h) / R_wh.
+
+    P does not include losses of the gear.
+    """
     s, frames = motor_settings(winding_c=40.0, housing_c=30.0), 3600
 
     def rates(_: float, t: np.ndarray) -> list[float]:
         heat_flow = (t[0] - t[1]) / s.winding_housing_resistance_k_w
         copper = MAXON.resistance * (1 + s.winding_resistance_per_k * (t[0] - 25)) * current**2
-        torque = MAXON.back_emf * (1 + s.torque_constant_per_k * (t[1] - 25)) * current
-        housing = (
-            MAXON.housing_heat(current, speed, (1 - efficiency) * torque)
-            - (t[1] - s.ambient_c) / s.housing_ambient_resistance_k_w
-        )
+        lost_heat = (t[1] - s.ambient_c) / s.housing_ambient_resistance_k_w
+        housing = MAXON.housing_heat(current, speed) - lost_heat
         return [
             (copper - heat_flow) / s.winding_heat_capacity_j_k,
             (heat_flow + housing) / s.housing_heat_capacity_j_k,
@@ -83,7 +82,7 @@ def test_temperatures_solve_the_differential_equation_of_two_nodes(
 
     exact = solve_ivp(rates, (0, frames * FRAME_S), [40.0, 30.0], rtol=1e-10, atol=1e-9).y[:, -1]
     winding, housing = heat_motor(
-        resolve_settings({"motor": s, "drivetrain": {"efficiency": efficiency}}),
+        resolve_settings({"motor": s, "drivetrain": {"gear_efficiency": 0.6}}),
         np.full(frames, current),
         np.full(frames, speed),
     )

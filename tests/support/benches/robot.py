@@ -33,6 +33,7 @@ SHEET = {
     "nominal_current_a": 2.52,
     "resistance_ohm": 0.942,
     "torque_constant_nm_a": 0.036,
+    "torque_factor": 1.0,
     "rotor_inertia_kg_m2": 1.35e-5,
     "gear_ratio": 60 / 18,
     "dry_friction_fraction": 0.25,
@@ -213,7 +214,8 @@ class Motor:
     def __init__(self, rows: Mapping[str, float]) -> None:
         self.constant, self.resistance = rows["torque_constant_nm_a"], rows["resistance_ohm"]
         self.gear_ratio = rows["gear_ratio"]
-        self.back_emf = self.constant * self.gear_ratio  # V s/rad of the wheel
+        # V s/rad of the wheel
+        self.back_emf = rows.get("torque_factor", 1.0) * self.constant * self.gear_ratio
         speed, current = rows["nominal_rpm"] / RPM, rows["nominal_current_a"]
         drop = rows["nominal_voltage_v"] - self.resistance * current - self.constant * speed
         self._commutation = drop / (current * speed)
@@ -229,11 +231,10 @@ class Motor:
         """Return the resistance with that of commutation, ohm."""
         return self.resistance + self._commutation * self.gear_ratio * np.abs(wheel_speed)
 
-    def housing_heat(self, current: Any, wheel_speed: Any, load_friction: Any) -> Any:
+    def housing_heat(self, current: Any, wheel_speed: Any) -> Any:
         """Return the heat into the housing, W: X |w| I^2, and the power of friction."""
         drop = self.series_resistance(wheel_speed) - self.resistance
-        friction = self.friction(wheel_speed) + load_friction
-        return drop * np.square(current) + friction * np.abs(wheel_speed)
+        return drop * np.square(current) + self.friction(wheel_speed) * np.abs(wheel_speed)
 
 
 def motor_settings(**changes: float) -> MotorSettings:
