@@ -45,8 +45,8 @@ The effects of load transfer during acceleration and during braking cancel. Negl
 - K is lower by up to 0.016, by the viscous friction of bearings and the spin-up of rollers (0.1 to
   0.2 N at 1 m/s), and by a rolling radius that is 0.1 % smaller.
 - T forward is 5 to 7 % higher in moves at 2 m/s^2, because rubber softens: T0 is a tangent, and
-  moves have the slope of a secant. T sideways is up to 15 % higher for this reason. But a robot
-  without heading control turns in sideways moves, and its travel is then partly forward.
+  moves have the slope of a secant. T sideways is 9 to 15 % higher for this reason, and lower by
+  as much, by (K T0 a)^2 and soft wheel loops.
 - T differs by 1 to 2 %, by mass that turns with the rims.
 - T differs by 3 %, by wheel loops that are not stiff where normal forces differ.
 - T differs by 0.001 s^2/m at 1 m/s, by the 1 ms that TIGERs' law adds to T |u|.

@@ -172,10 +172,9 @@ def test_closed_form_solves_the_wheel_equations(
 
 @pytest.mark.parametrize("name", PUBLISHED)
 def test_measured_slip_and_drag_agree_with_the_closed_form(name: str) -> None:
-    """The closed form neglects viscous friction, the spin-up of rollers, and that robots turn.
+    """The closed form neglects viscous friction and the spin-up of rollers.
 
-    In sideways moves the robots turn by 0.15 to 0.3 rad. They drive and roll out by as much off
-    their sideways axis, where T is up to 15 % lower, and drag 4 % to 17 %.
+    Robots that turned in sideways moves would have up to 15 % less T, and 4 % to 17 % less drag.
     """
     result = om.measure_slip([om.load_scenario("rect", robot=name, wheels=MODEL)], MOVES)
     (robot,) = result.robots.values()
@@ -189,10 +188,12 @@ def test_measured_slip_and_drag_agree_with_the_closed_form(name: str) -> None:
     slips = [wheels.slip(wheels.drag + sign * 2.0 * wheels.inertia) for sign in (1, -1)]
     secant = closed["gain_forward"] ** 2 * (slips[0] - slips[1]) / 4.0
     assert secant < measured["time_forward"] + 0.001 < 1.06 * secant
-    assert 0.95 < measured["time_sideways"] / closed["time_sideways"] < 1.0
+    # Sideways, softening raises T by 9 to 15 %, and (K T0 a)^2 and soft
+    # wheel loops lower it by as much.
+    assert measured["time_sideways"] == pytest.approx(closed["time_sideways"], rel=0.03)
     assert measured["time_turning"] + 0.0016 == pytest.approx(closed["time_turning"], rel=0.03)
     assert measured["drag_forward"] == pytest.approx(closed["drag_forward"], rel=0.02)
-    assert 0.83 < measured["drag_sideways"] / closed["drag_sideways"] < 0.96
+    assert 1.0 < measured["drag_sideways"] / closed["drag_sideways"] < 1.035
     # Hubs, rims and rollers turn, too: their inertia is 5 to 8 % of that of robot and motors.
     assert 0.92 < measured["drag_turning"] / closed["drag_turning"] < 0.98
     assert [row["move"] for row in result.rows().to_pylist()] == [move.axis for move in MOVES]

@@ -101,17 +101,15 @@ def _fit_each_move(
         if i in failed:
             continue
         frames, turns = slice(move.frames), move.axis == "turning"
-        body_twist, wheel_twist = record.body_twists[frames, i], record.wheel_twists[frames, i]
+        body_speed, wheel_twist = body_speeds[frames, i], record.wheel_twists[frames, i]
         if move.rolls_out:
-            # A robot may turn while it coasts, so its speed in the plane counts.
-            coasting_speed = body_speeds[frames, i] if turns else np.hypot(*body_twist[:, :2].T)
             at_rest = AT_REST_M_S / arm if turns else AT_REST_M_S
             is_coasting = move.is_coasting(move.frames)
-            fitted["deceleration"][i] = mean_deceleration(coasting_speed, is_coasting, at_rest)
+            fitted["deceleration"][i] = mean_deceleration(body_speed, is_coasting, at_rest)
         if turns or not move.rolls_out:
             travel_speed = np.hypot(*wheel_twist[:, :2].T) + arm * np.abs(wheel_twist[:, 2]) * turns
             fitted["gain"][i], fitted["time"][i] = fit_gain_and_time(
-                wheel_speeds[frames, i], travel_speed, body_speeds[frames, i]
+                wheel_speeds[frames, i], travel_speed, body_speed
             )
     return fitted
 

@@ -5,6 +5,9 @@ speed. Then either brake to a stop at the end, or switch the motors off at a dis
 the speed from the end, and roll out. Moves are forward and sideways, in both directions. A turn on
 the spot accelerates at 12 rad/s^2, holds the turn rate for 3 s, and rolls out. Source:
 `IdentifyBotModelRole.java` of Sumatra, which has no roll-outs sideways.
+
+Straight moves hold the heading. Without that, robots turn in sideways moves, because front and rear
+wheels differ. While the robot rolls out, motor currents exert a moment, but no force.
 """
 
 from collections.abc import Iterator, Sequence
@@ -15,6 +18,7 @@ import numpy as np
 from omni_control.kinematics import Array, world_to_body
 from omni_mj.config import PERIOD_S
 from omni_mj.config.scenario import Scenario
+from omni_mj.config.settings import Settings
 from omni_mj.plants.mujoco_plant import MujocoPlant
 from omni_mj.results.result import Outcome
 from omni_mj.simulation.simulation import Simulation
@@ -32,6 +36,7 @@ TURN_HOLD_S = 3.0
 REST_S = 0.1  # before the move
 BRAKED_REST_S = 0.25  # after braking
 ROLL_OUT_S = 1.5  # duration of a roll-out
+HEADING_GAIN_S = 10.0  # turn rate per heading error of straight moves, 1/s
 
 
 @dataclass(frozen=True)
@@ -160,13 +165,28 @@ def record_moves(
 
 
 def _command_moves(simulation: Simulation, moves: Sequence[Move], frames: int) -> Iterator[Array]:
-    """Yield the twists (n, 3) of each frame, and set the motor currents of coasting robots to 0."""
+    """Yield the twists (n, 3) of each frame, and set the motor currents of coasting robots.
+
+    Straight moves hold the heading 0. Its error decays at the rate `HEADING_GAIN_S`.
+    """
     plant = simulation.plant
     assert isinstance(plant, MujocoPlant)
-    n_wheels = len(simulation.rows[0].settings.wheels.azimuths_deg)
+    currents_per_turn_acceleration = _compute_turning_currents(simulation.rows[0].settings)
+    is_straight = np.array([move.axis != "turning" for move in moves])
     is_coasting = np.stack([move.is_coasting(frames) for move in moves], axis=1)
-    currents = np.where(is_coasting, 0.0, np.nan)[..., None].repeat(n_wheels, -1)
     twists = np.stack([move.command(frames) for move in moves], axis=1)
     for frame, twist in enumerate(twists):
-        plant.set_motor_currents(currents[frame])
-        yield twist
+        turn_rate = -HEADING_GAIN_S * plant.pose()[:, 2] * is_straight
+        missing_turn_rate = turn_rate - plant.twist()[:, 2] * is_straight
+        turn_acceleration = 2 * HEADING_GAIN_S * missing_turn_rate
+        currents = turn_acceleration[:, None] * currents_per_turn_acceleration
+        plant.set_motor_currents(np.where(is_coasting[frame][:, None], currents, np.nan))
+        yield twist + turn_rate[:, None] * [0.0, 0.0, 1.0]
+
+
+def _compute_turning_currents(settings: Settings) -> Array:
+    """Return motor currents (W,) per turn acceleration that exert no force, A s^2/rad."""
+    wheels, motor = settings.wheels.kinematics, settings.motor
+    rim_forces_per_moment = np.linalg.pinv(wheels.matrix.T)[:, 2]
+    currents_per_moment = rim_forces_per_moment * wheels.radius / motor.wheel_back_emf_v_s
+    return np.asarray(settings.body.yaw_inertia_kg_m2 * currents_per_moment, float)

@@ -67,7 +67,7 @@ DEFINITIONS = {
         "arm l"
     ),
     "drag": (
-        "mean deceleration of a robot without motor current, times the mass of the published fit"
+        "mean deceleration of a robot without motor force, times the mass of the published fit"
     ),
     "closed_form": "closed form of the slip model, from the robot's parameters alone",
 }
