@@ -29,23 +29,29 @@ _PARALLEL = 1e-9  # norm of a cross product up to which two wheels are parallel 
 
 
 def compute_traction_limits(
-    kinematics: Kinematics, friction: float, com_height: float = 0.0
+    kinematics: Kinematics,
+    friction: float,
+    com_height: float = 0.0,
+    rolling_resistance: float = 0.0,
+    roller_friction: float = 0.0,
 ) -> tuple[float, float]:
-    """Return the highest accelerations (forward, sideways) for speeding up and braking, m/s^2.
+    """Return the highest accelerations (forward, sideways) for speeding up, m/s^2.
 
-    Between these axes friction allows less than the ellipse of `MotionLimits`. Motors are assumed
-    to be strong enough, and drag is neglected.
+    The lower value of both directions of an axis counts. Between the axes friction allows less than
+    the ellipse of `MotionLimits`. Motors are assumed to be strong enough. Drag helps to brake.
 
     Args:
         kinematics: Geometry of the wheels; the center of mass is above their middle.
         friction: Coefficient of friction between rollers and carpet.
         com_height: Height of the center of mass above the carpet, m. With 0, the load transfer by
             acceleration is neglected.
+        rolling_resistance: See `WheelLimits`.
+        roller_friction: See `WheelLimits`.
 
     Raises:
-        OmniError: The wheels do not surround the center of mass.
+        OmniError: The wheels do not surround the center of mass, or they cannot overcome drag.
     """
-    wheels = WheelLimits(kinematics, friction, gyration_radius=1.0, com_height=com_height)
+    wheels = WheelLimits(kinematics, friction, 1.0, com_height, rolling_resistance, roller_friction)
     forward, backward, to_left, to_right = map(
         wheels.compute_max_acceleration, (0.0, math.pi, math.pi / 2, -math.pi / 2)
     )
@@ -124,15 +130,16 @@ class WheelLimits:
         return (acceleration @ rows.T + drag).max(1)
 
     def compute_max_acceleration(self, direction: float) -> float:
-        """Return the highest acceleration from rest in a direction, without turning, m/s^2.
+        """Return the highest acceleration in the direction of travel, without turning, m/s^2.
 
         Args:
             direction: Angle from the body's x axis, rad.
         """
-        unit_acceleration = np.array([[math.cos(direction), math.sin(direction), 0.0]])
-        return float(
-            1 / self.compute_friction_utilization(unit_acceleration, np.zeros((1, 3))).max()
-        )
+        travel = np.array([[math.cos(direction), math.sin(direction), 0.0]])
+        rows, (drag,) = self.get_friction_constraints(travel)
+        growth = rows @ travel[0]
+        is_reached = growth > 0
+        return float(((1 - drag[is_reached]) / growth[is_reached]).min())
 
     def get_friction_constraints(self, twist: Array) -> tuple[Array, Array]:
         """Return the faces of the zonotope as linear constraints on body accelerations.

@@ -28,8 +28,8 @@ def load_robot(name_or_path: str | Path) -> Robot:
         mass_kg                     mass with the wheels
         top_speed_forward_m_s       speed at which the back-EMF of the fastest wheel reaches the
                                     nominal voltage of the firmware
-        traction_limit_forward_m_s2 acceleration at which wheels start to slide on
-                                    `carpet.friction`
+        traction_limit_forward_m_s2 acceleration, against drag, at which wheels start to slide
+                                    on `carpet.friction`; 0 if drag exceeds it in some motion
         tipping_limit_m_s2          acceleration, in the worst direction, that lifts a wheel
         lag_forward_s               time constant of the closed speed loop at low speed
         friction_loss_forward_m_s   speed lost to dry friction
@@ -74,9 +74,7 @@ def _derive_facts(settings: Settings) -> dict[str, float]:
     tipping_limit = wheels.compute_support_margin(body.com_x_m) / body.com_height_m * GRAVITY
     axis_facts = {
         "top_speed_{}_m_s": rim_speed / np.abs(kinematics.matrix[:, :2]).max(0),
-        "traction_limit_{}_m_s2": compute_traction_limits(
-            kinematics, settings.carpet.friction, body.com_height_m
-        ),
+        "traction_limit_{}_m_s2": _compute_traction_limits(settings),
         "lag_{}_s": nominal_model.compute_lag(settings),
         "friction_loss_{}_m_s": nominal_model.compute_friction_loss(settings),
     }
@@ -85,3 +83,15 @@ def _derive_facts(settings: Settings) -> dict[str, float]:
         facts[name.format("forward")] = float(forward)
         facts[name.format("sideways")] = float(sideways)
     return facts
+
+
+def _compute_traction_limits(settings: Settings) -> tuple[float, float]:
+    """Return the highest accelerations forward and sideways; see `load_robot`."""
+    carpet, kinematics = settings.carpet, settings.wheels.kinematics
+    drag = carpet.rolling_resistance, settings.drivetrain.roller_friction
+    try:
+        return compute_traction_limits(
+            kinematics, carpet.friction, settings.body.com_height_m, *drag
+        )
+    except OmniError:
+        return 0.0, 0.0

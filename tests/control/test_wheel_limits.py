@@ -33,6 +33,15 @@ def test_the_limits_of_driving_forward_and_of_turning_have_closed_forms() -> Non
         assert utilization[0] == pytest.approx(1)
 
 
+@given(wheels, st.floats(-4, 4))
+def test_the_highest_acceleration_overcomes_the_drag_of_its_direction(
+    robot: WheelLimits, direction: float
+) -> None:
+    travel = np.array([math.cos(direction), math.sin(direction), 0.0])
+    limit = solve_max_scale(robot, travel, travel)
+    assert robot.compute_max_acceleration(direction) == pytest.approx(limit, rel=1e-6)
+
+
 @given(wheels, st.floats(0.3, 6), st.floats(0.3, 6), st.floats(1, 100))
 def test_the_acceleration_margin_holds_in_all_directions(
     robot: WheelLimits, forward: float, sideways: float, turning: float
