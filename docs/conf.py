@@ -73,6 +73,7 @@ NAVIGATION = {
         "docs/how-to/measure-latency",
         "docs/how-to/connect-your-software",
         "docs/how-to/identify-a-robot",
+        "docs/how-to/measure-drag-and-friction",
         "docs/how-to/run-a-sweep",
         "docs/how-to/train-a-policy",
         "docs/how-to/verify-a-run",
