@@ -214,6 +214,15 @@ def simulate(robot: str, commands: NDArray, **more: Any) -> om.Simulation:
 
 
 @cache
+def test_traction_limits_are_those_against_drag() -> None:
+    """Figures of docs/explanation/physics.md for tigers-v2016."""
+    facts = om.load_robot("tigers-v2016").facts
+    limits = facts["traction_limit_forward_m_s2"], facts["traction_limit_sideways_m_s2"]
+    assert limits == pytest.approx((4.7, 2.36), abs=0.03)
+    asked = om.load_scenario("league").settings.reference.max_sideways_acceleration_m_s2
+    assert asked / limits[1] == pytest.approx(0.64, abs=0.01)
+
+
 def measure_lag_and_friction_loss(robot: str) -> list[tuple[float, float]]:
     """Return lag, s, and friction loss, m/s, forward and sideways, by small steps of speed.
 

@@ -1,0 +1,84 @@
+"""Alpha by scenario, and the part of it that each cause takes, for docs/data/alpha-causes.csv.
+
+    python tests/bench_alpha_causes.py [--robot tigers-v2016] [--scenario rect ...] [--seeds 3]
+
+comp-flc drives on the plant planar. Alpha is the ratio of achieved to commanded displacement in
+windows of 0.25 s (the paper's equation 8), where all commands exceed 0.1 m/s. In these scenarios, x
+is forward and y sideways. The effect of a cause is the rise of the mean without it.
+"""
+
+import argparse
+import csv
+import sys
+from collections.abc import Callable
+
+import numpy as np
+
+import omni_mj as om
+from omni_control.kinematics import Array
+from omni_mj.config.settings import Settings
+from omni_mj.results.alpha_windows import driven_alpha
+from omni_mj.studies.alpha import operating_conditions
+
+SCENARIOS = (
+    "rect",
+    "league",
+    "slippery",
+    "roller-debris",
+    "worn-robots",
+    "fault-all",
+    "hot-motors",
+    "low-battery",
+)
+# Effect -> function that removes it from settings
+CAUSES: dict[str, Callable[[Settings], Settings]] = {
+    "drag": operating_conditions.CAUSES["drag"],
+    "creep": operating_conditions.CAUSES["creep"],
+    # Integral action removes what proportional wheel loops lose.
+    "wheel loop": lambda settings: settings.replace(firmware={"ki": 20.0}),
+    "heat": lambda settings: settings.replace(
+        motor={"winding_resistance_per_k": 0.0, "torque_constant_per_k": 0.0}
+    ),
+    "battery": operating_conditions.CAUSES["battery"],
+}
+
+
+def measure_alpha(scenario: om.Scenario, settings: Settings) -> list[Array]:
+    """Return alpha along x and y in all windows and seeds."""
+    simulation = om.Simulation(scenario.replace(settings=settings), ["comp-flc"])
+    simulation.run()
+    pose, command = (simulation.log.channel(name)[..., :2] for name in ("pose", "applied"))
+    alpha = driven_alpha(pose, command)
+    return [values[~np.isnan(values)] for values in np.moveaxis(alpha, -1, 0)]
+
+
+def format_pair(values: list[float], digits: int = 2) -> str:
+    """Return values along x and y as text."""
+    return " / ".join(f"{value:.{digits}f}" for value in values)
+
+
+def main() -> None:
+    """Print the table."""
+    parser = argparse.ArgumentParser()
+    parser.add_argument("--robot", default="tigers-v2016")
+    parser.add_argument("--scenario", nargs="+", default=SCENARIOS)
+    parser.add_argument("--seeds", type=int, default=3)
+    options = parser.parse_args()
+    writer = csv.writer(sys.stdout, lineterminator="\n")
+    writer.writerow(["scenario", "alpha x / y", "in 0.7 to 1, %", *CAUSES])
+    for name in options.scenario:
+        scenario = om.load_scenario(name, robot=options.robot, plant="planar", seeds=options.seeds)
+        alpha = measure_alpha(scenario, scenario.settings)
+        means = np.array([values.mean() for values in alpha])
+        is_inside = np.concatenate([(values >= 0.7) & (values <= 1) for values in alpha])
+        row = [f"`{name}`", format_pair(means), f"{100 * is_inside.mean():.0f}"]
+        for remove_cause in CAUSES.values():
+            without = measure_alpha(scenario, remove_cause(scenario.settings))
+            effects = np.array([values.mean() for values in without]) - means
+            row.append(format_pair(effects, 3))
+        writer.writerow(row)
+        sys.stdout.flush()
+
+
+if __name__ == "__main__":
+    main()
