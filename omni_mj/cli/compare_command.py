@@ -76,7 +76,7 @@ def compare_command(
     controllers = scenario_options.controllers or list_available_controllers()
     scenario_options = replace(scenario_options, controllers=controllers, plant=plant)
     scenarios = [
-        scenario_options.load_scenario(name)
+        compare_study.fix_backend(scenario_options.load_scenario(name))
         for name in names or compare_study.default_scenarios(plant)
     ]
     compare_study.check_scenarios(scenarios, subject)
@@ -97,7 +97,7 @@ def compare_command(
         Interrupts() as interrupts,
         console.show_progress(output.quiet, interrupts.check) as start_progress,
     ):
-        output_folders.write_initial_files(folder, "compare", scenarios, trajectories)
+        output_folders.write_initial_files(folder, "compare", scenarios, trajectories, subject)
         result = compare_study.compare(
             scenarios,
             controllers,

@@ -77,22 +77,25 @@ def write_initial_files(
     study: str,
     scenarios: "Sequence[Scenario]",
     frames: bool = True,
+    subject: str | None = None,
 ) -> None:
-    """Write the provenance and a summary without results, which remain if the run is killed.
+    """Write provenance, scenarios and a summary without results, which remain after a kill.
 
     Args:
         folder: Folder of the run.
         study: Name of the command.
         scenarios: Scenarios of the run.
         frames: Whether trajectories will be saved.
+        subject: Controller that the verdicts are about.
     """
     from omni_mj.results import provenance
-    from omni_mj.results.result import Outcome, Result
+    from omni_mj.results.result import Outcome, Result, scenario_texts
 
-    command_line = console.get_command_line()
-    provenance.save_provenance(folder, study, command_line, scenarios, frames)
+    options = provenance.describe_options(scenario_texts(scenarios), frames, subject)
+    provenance.save_provenance(folder, study, console.get_command_line(), scenarios, options)
     outcomes = [Outcome.not_run(scenario) for scenario in scenarios]
-    Result(outcomes, scenarios[0].labels, seeds=scenarios[0].seed_list).save_summary(folder)
+    head = scenarios[0]
+    Result(outcomes, head.labels, seeds=head.seed_list, subject=subject).save_files(folder)
 
 
 def _remove_outputs(out: Path, outputs: Iterable[str]) -> None:

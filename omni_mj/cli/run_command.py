@@ -96,12 +96,10 @@ def run_and_save(
         quiet: Whether the progress bar is hidden.
         study: Name of the command.
     """
-    from omni_mj.io.atomic_files import write_text
     from omni_mj.studies import run_scenario
 
     scenario = simulation.scenario
     output_folders.write_initial_files(folder, study, [scenario])
-    write_text(folder / "scenario.toml", scenario.to_toml())
     with ExitStack() as stack:
         recordings: list[Any] = []
         if rerun_targets:

@@ -140,7 +140,7 @@ def serve_command(
         if folder is not None:
             stack.enter_context(console.report_write_errors(folder))
             # Written first, because --overwrite recognizes the folder of a run by it.
-            provenance.save_provenance(folder, "serve", console.get_command_line(), [scenario])
+            provenance.save_provenance(folder, "serve", console.get_command_line(), [scenario], {})
             write_text(folder / "scenario.toml", scenario.to_toml())
             if output_options.record:
                 rerun_targets.append(folder / "recording.rrd")

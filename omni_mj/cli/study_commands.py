@@ -59,7 +59,7 @@ def identify_command(
     with console.report_write_errors(folder):
         result.save(folder)
         provenance.save_provenance(
-            folder, "identify", console.get_command_line(), [result.start], frames=False
+            folder, "identify", console.get_command_line(), [result.start], {}
         )
     if not output.quiet:
         print(result.table())

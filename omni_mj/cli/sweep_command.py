@@ -7,6 +7,7 @@ import click
 from omni_control.errors import OmniError
 from omni_mj.cli import console, options, output_folders, run_command
 from omni_mj.cli.interrupts import Interrupts
+from omni_mj.io.atomic_files import write_text
 from omni_mj.io.printable_text import format_count, join_words
 
 OUTPUTS = (
@@ -103,7 +104,8 @@ def sweep_command(
     progress_text = f"{result.n_done} of {format_count(len(plan.shards), 'shard')}"
     with console.report_write_errors(out):
         if result.n_done:
-            sweep_statistics.save_sweep_table(plan, result.summary, out / "sweep.md")
+            table = sweep_statistics.format_sweep_markdown(plan, result.summary)
+            write_text(out / "sweep.md", table)
             sweep_figure.save_sweep_figure(result, out / "sweep.png")
             if not quiet:
                 print(sweep_statistics.format_sweep_tables(plan, result.summary))

@@ -8,7 +8,7 @@ import json
 import platform
 import re
 import subprocess
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from datetime import UTC, datetime
 from functools import cache
 from pathlib import Path
@@ -21,9 +21,9 @@ from omni_mj.config import plugins, robot_files
 from omni_mj.config.scenario import Scenario
 from omni_mj.io.atomic_files import read_json, write_files, write_json
 from omni_mj.results.arithmetic import describe_arithmetic
-from omni_mj.results.summary import flatten, package_versions
+from omni_mj.results.summary import package_versions
 
-PROVENANCE_FORMAT = 3  # version of the keys of provenance.json
+PROVENANCE_FORMAT = 4  # version of the keys of provenance.json
 PROVENANCE_FILE, SOURCES_FOLDER = "provenance.json", "sources"
 SOURCE_SUFFIXES = (".py", ".toml", ".xml")  # of files that can affect the results
 ENVIRONMENT_KEYS = ("versions", "source", "git", "machine")
@@ -37,7 +37,7 @@ def save_provenance(
     study: str,
     command: str | None,
     scenarios: Sequence[Scenario],
-    frames: bool = True,
+    options: Mapping[str, Any],
 ) -> None:
     """Write provenance.json and copies of the user's files before a run starts.
 
@@ -46,7 +46,7 @@ def save_provenance(
         study: Name of the command.
         command: Command line, or None for a result from Python.
         scenarios: Scenarios of the run.
-        frames: Whether trajectories are saved.
+        options: Further keys and values about the results; see `describe_options`.
 
     Raises:
         OmniError: A file of the user no longer exists.
@@ -55,11 +55,25 @@ def save_provenance(
     content = _describe_study(study, scenarios, files) | {
         "command": command,
         "started": datetime.now(UTC).isoformat(timespec="seconds"),
-        "frames_saved": frames,
+        **options,
     }
     # Written first, because --overwrite recognizes the folder of a run by it.
     write_json(folder / PROVENANCE_FILE, content)
     write_files(folder, files)
+
+
+def describe_options(
+    input_files: Mapping[str, str], frames_saved: bool = False, subject: str | None = None
+) -> dict[str, Any]:
+    """Return keys of provenance.json that `omni_mj.verify` needs to repeat a study.
+
+    Args:
+        input_files: Path in the folder -> text of each file that describes the study.
+        frames_saved: Whether trajectories are saved.
+        subject: Controller that the verdicts are about, or None.
+    """
+    hashes = {name: sha256(text.encode()) for name, text in input_files.items()}
+    return {"inputs": hashes, "frames_saved": frames_saved, "subject": subject}
 
 
 def describe_scenarios(scenarios: Sequence[Scenario], files: dict[str, bytes]) -> dict[str, Any]:
@@ -86,24 +100,35 @@ def list_changes(
         keys: Keys of both that are compared.
     """
     records = ({key: record[key] for key in keys if key in record} for record in (saved, current))
-    differences = find_differences(*map(flatten_as_json, records))
+    differences = find_differences(*records)
     return [
         f"{name} was {saved_value} in the run, is {current_value} here"
         for name, (saved_value, current_value) in differences.items()
     ]
 
 
-def flatten_as_json(record: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the values in a record as JSON writes them, by their names `key.key`."""
-    return dict(flatten(json.loads(json.dumps(record)), split_lists=True))
+def find_differences(
+    saved: Mapping[str, Any], current: Mapping[str, Any]
+) -> dict[str, tuple[Any, Any]]:
+    """Return both values, or `ABSENT`, of each name `key.key` for which JSON writes others.
 
-
-def find_differences(old: Mapping[str, Any], new: Mapping[str, Any]) -> dict[str, tuple[Any, Any]]:
-    """Return both values of each name for which JSON writes them differently, or `ABSENT`."""
+    The items of lists have numbers as names.
+    """
+    old, new = (dict(_flatten(json.loads(json.dumps(record)))) for record in (saved, current))
     values = {name: (old.get(name, ABSENT), new.get(name, ABSENT)) for name in {**old, **new}}
     return {
         name: pair for name, pair in values.items() if json.dumps(pair[0]) != json.dumps(pair[1])
     }
+
+
+def _flatten(value: Any, name: str = "") -> Iterator[tuple[str, Any]]:
+    """Yield the name and value of each number, text, truth value and empty container."""
+    items = dict(enumerate(value)) if isinstance(value, list) else value
+    if not isinstance(items, Mapping) or not items:
+        yield name, value
+        return
+    for key, item in items.items():
+        yield from _flatten(item, f"{name}.{key}" if name else str(key))
 
 
 def check_unchanged(folder: Path, study: str, scenarios: Sequence[Scenario]) -> None:

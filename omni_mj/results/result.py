@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from functools import cache
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -187,12 +187,16 @@ class Result:
 
         study = type(self).__name__.removesuffix("Result").lower()
         study = study or ("compare" if len(self.outcomes) > 1 else "run")
-        has_frames = all(outcome.log is not None for outcome in self.outcomes)
         scenarios = [outcome.scenario for outcome in self.outcomes]
+        options = provenance.describe_options(
+            scenario_texts(scenarios),
+            all(outcome.log is not None for outcome in self.outcomes),
+            self.subject,
+        )
         create_folder(Path(folder))
         with lock_folder(Path(folder)):
             self.save_files(Path(folder))
-            provenance.save_provenance(Path(folder), study, None, scenarios, has_frames)
+            provenance.save_provenance(Path(folder), study, None, scenarios, options)
 
     def save_files(self, folder: Path) -> None:
         """Write the same files as `save`, except for the provenance.
@@ -212,16 +216,33 @@ class Result:
 
     def save_outcome(self, outcome: Outcome, folder: Path) -> None:
         """Write a scenario as it was run, and its frames if they were kept."""
-        scenario_path, frames_path = folder / "scenario.toml", folder / "trajectory.parquet"
-        if len(self.outcomes) > 1:
-            name = outcome.scenario.name
-            scenario_path = folder / "scenarios" / f"{name}.toml"
-            frames_path = folder / "trajectories" / f"{name}.parquet"
+        names = name_files(outcome.scenario.name, several=len(self.outcomes) > 1)
+        scenario_path, frames_path = (folder / name for name in names)
         create_folder(scenario_path.parent)
         write_text(scenario_path, outcome.scenario.to_toml())
         if outcome.log and outcome.log.lengths.any():
             create_folder(frames_path.parent)
             outcome.log.save(frames_path)
+
+
+class ScenarioFiles(NamedTuple):
+    """Paths of a scenario and of its frames in the folder of a result."""
+
+    scenario: str
+    frames: str
+
+
+def name_files(name: str, several: bool) -> ScenarioFiles:
+    """Return the paths of a scenario's files, given its name and whether there are others."""
+    if several:
+        return ScenarioFiles(f"scenarios/{name}.toml", f"trajectories/{name}.parquet")
+    return ScenarioFiles("scenario.toml", "trajectory.parquet")
+
+
+def scenario_texts(scenarios: Sequence[Scenario]) -> dict[str, str]:
+    """Return the texts of all scenarios of a result, by their paths in its folder."""
+    several = len(scenarios) > 1
+    return {name_files(item.name, several).scenario: item.to_toml() for item in scenarios}
 
 
 def list_row_columns(rows: Sequence[Row], failures: Iterable[Failure]) -> dict[str, Any]:

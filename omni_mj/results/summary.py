@@ -194,21 +194,16 @@ def package_versions() -> dict[str, str]:
     return versions
 
 
-def flatten(
-    values: Mapping[str, Any], prefix: str = "", split_lists: bool = False
-) -> Iterator[tuple[str, Any]]:
+def flatten(values: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, Any]]:
     """Yield the names `section.field` of nested values, and the values.
 
     Args:
         values: Mapping from name to value or to a further mapping.
         prefix: Text before each name.
-        split_lists: Whether each item of a list is yielded, with its number as the name.
     """
     for name, value in values.items():
-        if split_lists and isinstance(value, list):
-            value = {str(i): item for i, item in enumerate(value)}
         if isinstance(value, Mapping):
-            yield from flatten(value, f"{prefix}{name}.", split_lists)
+            yield from flatten(value, f"{prefix}{name}.")
         else:
             yield prefix + name, value
 

@@ -2,6 +2,7 @@
 
 import time
 from collections.abc import Callable, Iterable, Sequence
+from contextlib import suppress
 from dataclasses import replace
 
 from omni_control.arguments import check_types
@@ -16,6 +17,7 @@ from omni_mj.studies.run_scenario import (
     StartProgress,
     StoppedError,
     check_subject,
+    choose_shared_backend,
     count_frames,
     list_privileged,
     list_seeds,
@@ -96,6 +98,14 @@ def default_scenarios(plant: str = "mujoco") -> tuple[str, ...]:
         for name in names
         if all(fault.kind in kinds for fault in load_with_overrides(name).settings.fault)
     )
+
+
+def fix_backend(scenario: Scenario) -> Scenario:
+    """Return a scenario with a backend in place of "auto"; unchanged if it cannot be run."""
+    n_robots = len(scenario.controllers) * scenario.seeds * len(scenario.settings.world.start_poses)
+    with suppress(OmniError):
+        return choose_shared_backend(scenario, n_robots)
+    return scenario
 
 
 def check_scenarios(scenarios: Sequence[Scenario], subject: str | None) -> None:

@@ -7,7 +7,9 @@ import signal
 import subprocess
 import sys
 from collections.abc import Callable
+from functools import reduce
 from hashlib import sha256
+from operator import getitem
 from pathlib import Path
 from typing import Any
 
@@ -247,13 +249,18 @@ def test_changes_of_the_environment_are_reported(
 
     def older(record: Any) -> None:
         record["versions"] |= {"numpy": "1.99.0", "torch": "2.0"}
-        record["machine"]["CPU"] = "8086"
+        record["machine"] |= {"CPU": "8086", "BLAS": "mkl"}
         record["git"] = "0123456789abcdef-dirty"
 
     edited(folder / "provenance.json", older)
     assert invoke("verify", folder, "--allow-code") == 0
     out = capsys.readouterr().out
-    for text in ("numpy was 1.99.0 in the run", "CPU was 8086", "git was 0123456789abcdef-dirty"):
+    for text in (
+        "numpy was 1.99.0 in the run",
+        "CPU was 8086",
+        "BLAS was mkl",
+        "git was 0123456789abcdef-dirty",
+    ):
         assert text in out
 
 
@@ -277,7 +284,7 @@ def test_runs_that_cannot_be_repeated_give_one_line(
             lambda: (folder / "sources/mine.py").unlink(),
             "sources/mine.py is missing, or was changed after the run",
         ),
-        (put("provenance.json", '"format": 3', '"format": 9'), "has format 9"),
+        (put("provenance.json", '"format": 4', '"format": 9'), "has format 9"),
         (
             put("provenance.json", '"study": "run"', '"study": "slip"'),
             "repeat the study: omni-mj run",
@@ -377,7 +384,8 @@ def test_a_comparison_repeats(tmp_path: Path, capsys: pytest.CaptureFixture[str]
     )
     assert invoke("verify", out) == 1
     assert (
-        "rect: summary.json: results.flc.effort_m_s2 is null in the run" in capsys.readouterr().err
+        "summary.json: scenarios.rect.results.flc.effort_m_s2 is null in the run"
+        in capsys.readouterr().err
     )
 
 
@@ -424,6 +432,113 @@ def test_a_users_model_is_copied_with_all_its_files(
         copy.write_bytes(copy.read_bytes() + b"<!-- -->" if content is None else content)
         assert invoke("verify", moved_folder) == 2
         assert f"{copy} is missing, or was changed after the run" in capsys.readouterr().err
+
+
+UNREPEATABLE = ("started", "command", "created", "wall_s", "repeat_command")
+FOLDERS = {  # study -> its options, files that are changed, and changes of each file
+    "run": (
+        "--scenario rect-noise --controller mine.py:Mine --no-record --no-figures",
+        ["provenance.json", "summary.json", "trajectory.parquet"],
+        16,
+    ),
+    "compare": (
+        "--scenario rect --scenario rect-noise --controller flc --controller p --subject p "
+        "--seeds 1 --trajectories",
+        ["provenance.json", "summary.json", "trajectories/rect.parquet"],
+        5,
+    ),
+    "sweep": (
+        "--scenario rect --controller p --vary radio.delay_frames=0,2",
+        ["provenance.json", "sweep.json", "summary.json", "rows.parquet"],
+        10,
+    ),
+}
+STEP = ("--set", "reference.waypoints=[[0, 0], [0.01, 0]]", "--set", "reference.settle_s=0.1")
+
+
+def list_places(value: Any, place: tuple[Any, ...] = ()) -> list[tuple[Any, ...]]:
+    """Return the keys and indices that lead to each value in a JSON value."""
+    items: Any = enumerate(value) if isinstance(value, list) else ()
+    items = value.items() if isinstance(value, dict) else items
+    return [place, *(more for key, item in items for more in list_places(item, (*place, key)))]
+
+
+def other_value(value: Any) -> Any:
+    """Return another value of the same type, or a container with one more value."""
+    if isinstance(value, dict):
+        return value | {"added": 1}
+    if isinstance(value, list):
+        return [*value, value[-1] if value else 1]
+    if isinstance(value, bool):
+        return not value
+    if isinstance(value, str):
+        return value + "x"
+    return 7.5 if value is None or value != value else value + 1
+
+
+def list_json_changes(file: Path) -> list[tuple[object, str]]:
+    """Return the names and texts of a JSON file with each value removed, changed or extended."""
+    changes: list[tuple[object, str]] = []
+    for place in list_places(json.loads(file.read_text()))[1:]:
+        for is_removed in (True, False):
+            content = json.loads(file.read_text())
+            parent = reduce(getitem, place[:-1], content)
+            if is_removed:
+                del parent[place[-1]]
+            else:
+                parent[place[-1]] = other_value(parent[place[-1]])
+            if is_removed or place[-1] not in UNREPEATABLE:
+                changes.append(((place, is_removed), json.dumps(content)))
+    return changes
+
+
+def list_table_changes(file: Path) -> list[tuple[object, pa.Table]]:
+    """Return a table without each column, with another value in it, and with a further one."""
+    table = pq.read_table(file)
+    changes: list[tuple[object, pa.Table]] = []
+    for i, name in enumerate(table.column_names):
+        values = table[name].to_pylist()
+        values[1] = other_value(values[1])
+        kind = pa.string() if isinstance(values[1], str) else table[name].type
+        changes += [
+            (name, table.drop_columns(name)),
+            (name, table.set_column(i, name, pa.array(values).cast(kind))),
+            (name, table.append_column(name + "x", table[name])),
+        ]
+    return changes
+
+
+@pytest.mark.parametrize("study", FOLDERS)
+def test_any_single_change_of_what_a_study_wrote_is_noticed(
+    study: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Some of all changes of a file, at equal distances in it."""
+    monkeypatch.chdir(tmp_path)
+    Path("mine.py").write_text(MINE)
+    options, files, n_changes = FOLDERS[study]
+    words = (study, *options.split(), "--plant", "kinematic", *STEP, "--quiet", "--out", "out")
+    assert invoke(*words) == 0
+
+    def is_noticed() -> bool:
+        try:
+            verified = om.verify("out", allow_code=True)
+        except om.OmniError:
+            return True
+        return bool(verified.differences or verified.remarks)
+
+    assert not is_noticed()
+    for name in files:
+        file = Path("out") / name
+        data = file.read_bytes()
+        is_table = file.suffix == ".parquet"
+        changes: Any = list_table_changes(file) if is_table else list_json_changes(file)
+        for place, content in changes[:: 1 + len(changes) // n_changes]:
+            if is_table:
+                pq.write_table(content, file)
+            else:
+                file.write_text(content)
+            assert is_noticed(), (name, place)
+        file.write_bytes(data)
 
 
 PROGRAM = """

@@ -182,14 +182,20 @@ def test_killed_process_loses_no_finished_shard(
 
 NOTED = """
 import os
+import time
 from pathlib import Path
 
 import omni_mj as om
 
 
 class Noted(om.Controller):
+    """Waits in its first frame for a second process."""
+
     def command(self, frame, observation):
         Path(f"process-{os.getpid()}").touch()
+        deadline = time.monotonic() + 20
+        while frame == 0 and len([*Path().glob("process-*")]) < 2 and time.monotonic() < deadline:
+            time.sleep(0.05)
         return -observation.pose
 """
 PROGRAM = """

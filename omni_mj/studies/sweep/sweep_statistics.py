@@ -12,7 +12,6 @@ import pyarrow.compute as pc
 
 from omni_mj.config.plugins import format_controller_spec
 from omni_mj.config.toml_files import format_toml_value
-from omni_mj.io.atomic_files import write_text
 from omni_mj.io.printable_text import format_count, join_words
 from omni_mj.results.seed_statistics import CONFIDENCE, finite_or_none
 from omni_mj.results.text_table import (
@@ -152,13 +151,13 @@ def format_sweep_tables(plan: SweepPlan, summary: Record) -> str:
     return "\n\n".join(map(format_table, _list_tables(plan, summary, points)))
 
 
-def save_sweep_table(plan: SweepPlan, summary: Record, path: Path) -> None:
-    """Write the complete tables as Markdown."""
+def format_sweep_markdown(plan: SweepPlan, summary: Record) -> str:
+    """Return the complete tables as Markdown."""
     blocks = [
         f"{table.title}\n\n{format_markdown(table)}\n"
         for table in _list_tables(plan, summary, summary["points"])
     ]
-    write_text(path, "\n".join(blocks))
+    return "\n".join(blocks)
 
 
 def _list_tables(plan: SweepPlan, summary: Record, points: list[Record]) -> list[Table]:

@@ -22,7 +22,12 @@ from omni_mj.config.plugins import ControllerSpec
 from omni_mj.config.scenario import Scenario
 from omni_mj.io import parquet
 from omni_mj.io.atomic_files import check_folder, create_folder, lock_folder, write_json, write_text
-from omni_mj.results.provenance import check_unchanged, save_provenance, sha256
+from omni_mj.results.provenance import (
+    check_unchanged,
+    describe_options,
+    save_provenance,
+    sha256,
+)
 from omni_mj.studies.run_scenario import (
     StartProgress,
     StoppedError,
@@ -75,16 +80,27 @@ class SweepResult:
     @cached_property
     def summary(self) -> dict[str, Any]:
         """Content of summary.json."""
-        rows = self.rows()
-        return {
-            "complete": self.complete,
-            "n_shards": len(self.plan.shards),
-            "n_done": self.n_done,
-            "settings": self.plan.scenario.settings_to_dict(),
-            "points": summarize_points(rows, list(self.plan.axes)),
-            "correlations": rank_correlations(rows),
-            "worst": worst_runs(rows, self.plan, self.folder),
-        }
+        return summarize_sweep(self.plan, self.rows(), self.n_done, self.folder)
+
+
+def summarize_sweep(plan: SweepPlan, rows: pa.Table, n_done: int, folder: Path) -> dict[str, Any]:
+    """Return the content of summary.json.
+
+    Args:
+        plan: Plan of the sweep.
+        rows: Rows of all shards that are done.
+        n_done: Number of these shards.
+        folder: Folder of the sweep.
+    """
+    return {
+        "complete": n_done == len(plan.shards),
+        "n_shards": len(plan.shards),
+        "n_done": n_done,
+        "settings": plan.scenario.settings_to_dict(),
+        "points": summarize_points(rows, list(plan.axes)),
+        "correlations": rank_correlations(rows),
+        "worst": worst_runs(rows, plan, folder),
+    }
 
 
 @check_types
@@ -207,7 +223,8 @@ def _prepare_folder(plan: SweepPlan, folder: Path, command: str | None) -> None:
     if is_continued:
         _check_stored_rows(plan, folder)
     else:
-        save_provenance(folder, STUDY, command, plan.recorded_scenarios, frames=False)
+        options = describe_options(plan.files)
+        save_provenance(folder, STUDY, command, plan.recorded_scenarios, options)
     create_folder(folder / SHARDS)
 
 
@@ -233,8 +250,7 @@ def _write_rows(plan: SweepPlan, shards: Sequence[Shard], rows: pa.Table, path: 
 
 def _check_stored_rows(plan: SweepPlan, folder: Path) -> None:
     """Raise `OmniError` if a stored file holds rows of other runs than its name says."""
-    contents = {_shard_file(folder, shard): [shard] for shard in plan.shards}
-    contents[folder / ROWS] = plan.shards
+    contents = list_row_files(plan, folder)
     for path in [*folder.glob(ROWS), *folder.glob(f"{SHARDS}/*.parquet")]:
         metadata = parquet.read_table(path, ["point"]).schema.metadata or {}
         shards = contents.get(path)
@@ -243,6 +259,12 @@ def _check_stored_rows(plan: SweepPlan, folder: Path) -> None:
                 f"{path} holds rows of other runs, or of another sweep: delete it, and repeat the "
                 "command"
             )
+
+
+def list_row_files(plan: SweepPlan, folder: Path) -> dict[Path, list[Shard]]:
+    """Return the shards in each file of rows that a sweep may have at some time."""
+    files = {_shard_file(folder, shard): [shard] for shard in plan.shards}
+    return files | {folder / ROWS: plan.shards}
 
 
 def _hash_origin(plan: SweepPlan, shards: Sequence[Shard]) -> bytes:
