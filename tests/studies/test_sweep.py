@@ -188,9 +188,7 @@ from pathlib import Path
 import omni_mj as om
 
 
-class Noted(om.Controller):
-    """Waits in its first frame for a second process."""
-
+class Noted(om.Controller):  # waits in its first frame for a second process
     def command(self, frame, observation):
         Path(f"process-{os.getpid()}").touch()
         deadline = time.monotonic() + 20
