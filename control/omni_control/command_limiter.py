@@ -3,9 +3,12 @@
 from collections.abc import Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 
 from omni_control.kinematics import Array
 from omni_control.reference.motion_limits import MotionLimits
+
+AT_LIMIT = 1 - 1e-6  # fraction of a limit from which a command is at the limit, for rounding
 
 
 class CommandLimiter:
@@ -28,6 +31,13 @@ class CommandLimiter:
         self._max_command = speed, turn_rate
         self._max_change = acceleration * period, turn_acceleration * period
 
+    def is_active(self, command: Array, last_command: Array) -> NDArray[np.bool_]:
+        """Return whether sent commands (n, 3) are at a limit: x, y and turning, (n, 3)."""
+        speed = _compute_norms(command) / np.hstack(self._max_command)
+        change = _compute_norms(command - last_command) / np.hstack(self._max_change)
+        is_at_limit: NDArray[np.bool_] = np.maximum(speed, change) > AT_LIMIT
+        return is_at_limit[:, [0, 0, 1]]
+
     def __call__(self, command: Array, last_command: Array) -> Array:
         """Return the commands (n, 3) within the limits.
 
@@ -37,6 +47,11 @@ class CommandLimiter:
         """
         change = _clip_translation_and_rotation(command, *self._max_command) - last_command
         return last_command + _clip_translation_and_rotation(change, *self._max_change)
+
+
+def _compute_norms(vectors: Array) -> Array:
+    """Return the norm of [x, y] and |z| of vectors (n, 3), (n, 2)."""
+    return np.stack([np.hypot(vectors[:, 0], vectors[:, 1]), np.abs(vectors[:, 2])], axis=1)
 
 
 def _clip_translation_and_rotation(

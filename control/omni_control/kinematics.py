@@ -35,9 +35,9 @@ def wrap_angle(angle: ArrayLike) -> Array:
 
 
 def compute_pose_error(target: Array, pose: Array) -> Array:
-    """Return `target` minus `pose`, both (n, 3), with the heading error in (-pi, pi]."""
+    """Return `target` minus `pose`, both (..., 3), with the heading error in (-pi, pi]."""
     error = target - pose
-    error[:, 2] = wrap_angle(error[:, 2])
+    error[..., 2] = wrap_angle(error[..., 2])
     return error
 
 

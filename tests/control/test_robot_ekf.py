@@ -23,6 +23,7 @@ from benches.control import (
     YawCoupling,
     anticipate,
     compute_contact_speeds,
+    wrap_angle,
 )
 from closed_loop import (
     CONTACT_RATIO,
@@ -32,13 +33,14 @@ from closed_loop import (
     CreepingPlant,
     T,
     compute_creep_speeds,
+    to_measured_pose,
 )
 from hypothesis import given
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
-from omni_control import CommandHistory, Observation, TeamModel
+from omni_control import CommandHistory, MotionLimits, Observation, TeamModel
 
 MODEL = TeamModel(
     T,
@@ -185,6 +187,65 @@ def test_the_covariance_after_a_late_image_is_the_textbook_s(offset: float) -> N
     expected = prior - cross @ np.linalg.solve(h @ cross + noise, cross.swapaxes(1, 2))
     np.testing.assert_allclose(posterior, expected, rtol=0, atol=1e-12)
     assert np.abs(posterior - prior).max() > 1e-7
+
+
+@pytest.mark.parametrize("offset", [-0.02, 0.02])
+def test_a_late_heading_is_corrected_once(offset: float) -> None:
+    """The state is that of its own time, whenever the robot's turn was measured."""
+    ekf, sent = make_filter(), CommandHistory(1, 40)
+    step = FilterStep(np.zeros(1), np.zeros(1, bool), np.array([offset]))
+    rate = np.array([[0.0, 0.0, 2.0]])
+    for frame in range(120):
+        sent.append(rate / [1, 1, 0.98])
+        measured = to_measured_pose(rate * (frame * T + offset))
+        ekf.update(replace(make_observation(0 * rate, measured, sent), filter_steps=(step,)))
+    assert wrap_angle(ekf.state[0, 2] - 2.0 * frame * T) == pytest.approx(0, abs=0.004)
+
+
+def drive_straight(command: Array, limits: MotionLimits) -> RobotEkf:
+    """Return the filter after commands forward (frames,) moved a robot with the gain 0.7."""
+    ekf = RobotEkf(replace(MODEL, limits=limits), 1, tuple(NOISE))
+    sent, robot = CommandHistory(1, ekf.memory_frames), CreepingPlant(np.zeros((1, 3)), 6)
+    robot = CreepingPlant(np.zeros((1, 3)), 6, alpha=(0.7, 0.87, 0.98))
+    for speed in command:
+        ekf.update(make_observation(robot.pose, robot.pose, sent))
+        twist = np.array([[speed, 0.0, 0.0]])
+        sent.append(twist)
+        robot.advance(twist)
+    return ekf
+
+
+def test_no_gain_is_learned_while_the_limiter_acts() -> None:
+    """The robot accelerates at the limit of commands, or just below it."""
+    ramp = 1.5 * T * np.arange(60)
+    gains = [
+        drive_straight(ramp, MotionLimits(3.0, acceleration, 26.0, 50.8)).state[0, INVERSE_GAIN]
+        for acceleration in (1.5, 1.51)
+    ]
+    np.testing.assert_allclose(gains[0], 1 / np.array([*MODEL.alpha, 0.98]), rtol=0, atol=1e-12)
+    assert gains[1][0] > gains[0][0] + 0.02
+
+
+def test_gains_are_learned_more_slowly_in_hard_acceleration() -> None:
+    """The speed swings by 0.3 m/s about its mean, at 8 m/s^2, or not at all."""
+    limits = MotionLimits(10.0, 1000.0, 26.0, 50.8)
+    swing = 2 + np.sign(np.sin(np.arange(60) * np.pi / 4 + 0.1))
+    variances = [
+        drive_straight(command, limits).covariance[0, 11, 11] for command in (swing, 2 + 0 * swing)
+    ]
+    assert variances[0] > 2 * variances[1]
+
+
+def test_a_hard_braking_robot_was_not_carried() -> None:
+    """Measured without noise, wheels that stop dead look like a jump. The velocity follows it."""
+    ekf, sent = RobotEkf(MODEL, 1, (1e-4, 1e-4, 1e-3)), CommandHistory(1, 40)
+    braking = 9.0 * T**2
+    for frame in range(90):
+        velocity = ekf.state[0, VELOCITY].copy()
+        measured = np.array([[2.0 * frame * T - braking * (frame == 89), 0.0, 0.0]])
+        ekf.update(make_observation(measured, measured, sent))
+        sent.append(np.array([[2.0 / 0.92, 0.0, 0.0]]))
+    assert ekf.state[0, VELOCITY][0] < velocity[0] - 0.03
 
 
 def test_unobservable_parameters_are_forgotten() -> None:

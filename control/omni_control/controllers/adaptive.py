@@ -36,6 +36,7 @@ from omni_control.reference import Reference, ReplannedReference
 
 # Number of planned commands. 20 give the same results in scenarios league, waypoints, slippery.
 HORIZON_FRAMES = 10
+MAX_UNHEARD_LEAD_M_S = 1.0  # of commands to a robot that does not respond, over its velocity
 
 
 class InverseFlc(Controller):
@@ -63,7 +64,7 @@ class InverseFlc(Controller):
         state = self.filter.predict(observation)
         self.predicted_pose = state[:, POSE].copy()
         self._record_estimates()
-        return self.track(frame, observation, state)
+        return self._restrain(self.track(frame, observation, state))
 
     def track(self, frame: int, observation: Observation, state: Array) -> Array:
         """Return the commands (n, 3): inverse of the model, fuzzy correction, heading control.
@@ -90,6 +91,18 @@ class InverseFlc(Controller):
         command[:, :2] = anticipate(desired, self.model.limits.acceleration * period)
         command[:, 2] = planned[0, :, 2] + self.model.heading_gain * wrap_angle(error[:, 2])
         return command - ekf.state[:, DISTURBANCE]
+
+    def _restrain(self, command: Array) -> Array:
+        """Limit the lead of translation commands (n, 3) over robots that do not respond.
+
+        When a robot receives commands again, its wheels then do not slide and turn it.
+        """
+        velocity = self.filter.state[:, VELOCITY]
+        lead = (command - velocity)[:, :2]
+        speed = np.maximum(np.hypot(lead[:, 0], lead[:, 1]), MAX_UNHEARD_LEAD_M_S)
+        restrained = velocity[:, :2] + lead * (MAX_UNHEARD_LEAD_M_S / speed)[:, None]
+        is_responsive = self.filter.is_responsive[:, None]
+        return np.hstack([np.where(is_responsive, command[:, :2], restrained), command[:, 2:]])
 
     def plan_commands(
         self, frame: int, count: int, state: Array

@@ -8,14 +8,18 @@ and sent commands.
 import math
 
 import numpy as np
+from numpy.typing import NDArray
 
+from omni_control.command_limiter import CommandLimiter
 from omni_control.controllers.base import Observation, TeamModel
 from omni_control.delay_compensation import CommandHistory
+from omni_control.estimation.dead_time_search import DeadTimeSearch
 from omni_control.estimation.delayed_measurements import FilterStep
 from omni_control.estimation.motion_model import (
     CREEP,
     DEAD_TIME,
     FORWARD_INVERSE_GAIN,
+    INVERSE_GAIN,
     MIN_LAG_S,
     POSE,
     SIDEWAYS_INVERSE_GAIN,
@@ -31,7 +35,6 @@ MOTION = slice(0, 6)  # pose and velocity
 UNMEASURED = slice(6, STATE_SIZE)
 PARAMETERS = slice(9, STATE_SIZE)
 TRANSLATION_VELOCITY, TRANSLATION_GAINS = slice(3, 5), slice(11, 13)
-YAW_DISTURBANCES = slice(8, 11)  # disturbance of the turn rate, and couplings
 RESPONSE_PARAMETERS = slice(11, STATE_SIZE)  # inverse gains, dead time, creep, lag, friction
 # The same without the inverse gain of turning.
 TRANSLATION_PARAMETERS = [
@@ -55,7 +58,7 @@ DISTURBANCE_SIGMA = 0.02, 0.02, 0.05  # m/s and rad/s
 DISTURBANCE_TIME_S, PARAMETER_TIME_S = (0.5, 0.5, 1.0), 12.0
 # Bounds of couplings (rad/m), inverse gains, dead time (frames), creep (s^2/m), lag (s), and
 # friction (m/s). Those of the dead time are replaced: see MIN_DEAD_TIME_CHANGE.
-MIN_DEAD_TIME_CHANGE, MAX_DEAD_TIME_CHANGE = -9, 6  # from the nominal dead time, frames
+MIN_DEAD_TIME_CHANGE, MAX_DEAD_TIME_CHANGE = -10, 10  # from the nominal dead time, frames
 LOWER_BOUNDS = -1, -1, 0.8, 0.8, 0.8, 0, 0, MIN_LAG_S, 0
 UPPER_BOUNDS = 1, 1, 1.9, 1.9, 1.9, np.inf, 0.2, 0.1, 0.15
 
@@ -113,8 +116,14 @@ class RobotEkf:
         self._parameter_noise = covariance * np.outer(noise_ratio, noise_ratio)
         self._vision_covariance = np.diag(np.maximum(noise, [1e-4, 1e-4, 1e-3])) ** 2
         covariance[POSE, POSE] = self._vision_covariance
-        self.state = np.tile(self.dynamics.prior, (n, 1))
+        self._prior_covariance = covariance
+        self._prior = np.tile(self.dynamics.prior, (n, 1))
+        self.state = self._prior.copy()
         self.covariance = np.tile(covariance, (n, 1, 1))
+        sigma = np.sqrt(np.diagonal(self._vision_covariance))
+        self._limiter = CommandLimiter([model.limits], self.period)
+        self._search = DeadTimeSearch(model, self.dynamics, sigma, n)
+        self._search.is_active &= learns
         step = JACOBIAN_STEP * np.eye(STATE_SIZE)
         self._perturbations = np.concatenate([0 * step[:1], step, -step])[:, None]
         self.memory_frames = math.ceil(model.delay_frames) + MAX_DEAD_TIME_CHANGE + 8
@@ -147,15 +156,38 @@ class RobotEkf:
         """Time from sending a command to its first effect, (n,) frames."""
         return self.state[:, DEAD_TIME]
 
+    @property
+    def is_responsive(self) -> NDArray[np.bool_]:
+        """Whether the robots respond to their commands, (n,)."""
+        return self._silent_frames < SILENT_FRAMES
+
     def update(self, observation: Observation) -> None:
         """Predict over the filter steps of a frame, then correct the states by its measurements."""
         if not self._started:
             self._started = True
             self.state[:, POSE] = observation.pose
+            self._search.start(observation.pose)
         for step in observation.filter_steps or (FilterStep.to_present(len(self.state)),):
             command = self._advance(observation.sent_commands, step)
         self._frames_behind = step.frames_behind
-        self._correct(observation.measured_pose, step.capture_offset[:, None], command)
+        offset = step.capture_offset[:, None]
+        self._correct(observation.measured_pose, offset, command)
+        if np.count_nonzero(self._search.is_active):
+            self._search_dead_time(observation.measured_pose, offset)
+
+    def _search_dead_time(self, measured_pose: Array, offset: Array) -> None:
+        """Replace states whose dead time does not explain the motion, and forget their past.
+
+        Args:
+            measured_pose: Measured poses (n, 3), NaN without a measurement.
+            offset: Time from the state to the capture, (n, 1) s.
+        """
+        speed = np.abs(self.state[:, VELOCITY] * [1, 1, self.dynamics.arm]).max(1)
+        self._search.correct(measured_pose, offset, np.minimum(speed / EVIDENT_SPEED_M_S, 1))
+        robots, states = self._search.find(self.dead_time)
+        self.state[robots], self.covariance[robots] = states, self._prior_covariance
+        self._prior[robots, DEAD_TIME] = states[:, DEAD_TIME]
+        self.mean_nis[robots] = 1.0
 
     def predict(self, observation: Observation) -> Array:
         """Return the states (n, 18) predicted for the end of the dead time."""
@@ -170,14 +202,18 @@ class RobotEkf:
 
     def _advance(self, sent: CommandHistory, step: FilterStep) -> Array:
         """Predict states and covariances over a step; return the commands (n, 3) in effect."""
+        if np.count_nonzero(self._search.is_active):
+            self._search.advance(sent, step)
         command, next_state, transition = self._linearize(sent, step.frames_behind)
         speed_change = np.hypot(*(next_state - self.state)[:, TRANSLATION_VELOCITY].T)
-        self._limit_learning(transition, speed_change)
+        dead_time = (self.dead_time + step.frames_behind)[:, None]
+        is_limited = self._limiter.is_active(command, sent.get_delayed(dead_time + 1))
+        self._limit_learning(transition, speed_change, is_limited)
         transition *= self._decay[:, None]
-        predicted = self._decay * next_state + (1 - self._decay) * self.dynamics.prior
+        predicted = self._decay * next_state + (1 - self._decay) * self._prior
         covariance = transition @ self.covariance @ transition.swapaxes(1, 2)
         # An unresponsive robot teaches nothing about disturbances and parameters.
-        is_responsive = (self._silent_frames < SILENT_FRAMES)[:, None, None]
+        is_responsive = self.is_responsive[:, None, None]
         covariance[:, MOTION, UNMEASURED] *= is_responsive
         covariance[:, UNMEASURED, MOTION] *= is_responsive
         self._add_process_noise(covariance, speed_change)
@@ -203,7 +239,9 @@ class RobotEkf:
         jacobian = np.moveaxis((plus - minus) / (2 * JACOBIAN_STEP), 0, -1)
         return command, next_states[0], jacobian
 
-    def _limit_learning(self, transition: Array, speed_change: Array) -> None:
+    def _limit_learning(
+        self, transition: Array, speed_change: Array, is_limited: NDArray[np.bool_]
+    ) -> None:
         """Reduce in place the effect of parameters on motion, and with it the rate of learning.
 
         - While innovations are large, parameters are learned more slowly: the inverse gain of
@@ -212,10 +250,13 @@ class RobotEkf:
           that moves slowly, because dry friction may hold it.
         - The inverse gains of translation are learned more slowly while the robot accelerates hard,
           because wheels may slide.
+        - No inverse gain is learned while a limit of commands acts: the robot then follows the
+          limit, and what it lacks looks like a weak gain.
 
         Args:
             transition: Jacobians (n, 18, 18) of a step.
             speed_change: Change of the velocity in this step, (n,) m/s.
+            is_limited: Whether the acting command is at a limit: x, y and turning, (n, 3).
         """
         speed = np.hypot(*self.state[:, TRANSLATION_VELOCITY].T)
         turn_speed = self.dynamics.arm * np.abs(self.state[:, TURN_RATE])
@@ -227,6 +268,7 @@ class RobotEkf:
         transition[:, MOTION, RESPONSE_PARAMETERS] *= trust
         transition[:, MOTION, TRANSLATION_PARAMETERS] *= speed_weight[..., None] * trust
         transition[:, MOTION, TRANSLATION_GAINS] /= unsteadiness
+        transition[:, MOTION, INVERSE_GAIN] *= ~is_limited[:, None]
 
     def _add_process_noise(self, covariance: Array, speed_change: Array) -> None:
         """Add the process noise of a step to covariances (n, 18, 18) in place.
@@ -241,9 +283,6 @@ class RobotEkf:
         turn_variance = (TURN_ACCELERATION_RAD_S2 * self.period) ** 2
         covariance[:, TURN_RATE, TURN_RATE] += scale * turn_variance
         covariance += self._parameter_noise
-        growth = np.sqrt(scale[:, None, None]) - 1
-        parameter_noise = self._parameter_noise[YAW_DISTURBANCES, YAW_DISTURBANCES]
-        covariance[:, YAW_DISTURBANCES, YAW_DISTURBANCES] += growth * parameter_noise
 
     def _correct(self, measured_pose: Array, offset: Array, command: Array) -> None:
         """Correct the states by measured poses.
