@@ -51,6 +51,27 @@ def test_integers_and_choices_are_equally_likely() -> None:
         )
 
 
+def test_settings_drawn_for_a_seed_are_independent() -> None:
+    """Correlations of n independent draws have the deviation 1 / sqrt(n), also with other seeds."""
+    uniform = {"uniform": [0.4, 0.9]}
+    scenario = load(
+        carpet={"friction": uniform},
+        battery={"charge": uniform},
+        body={"mass_kg": {"normal": [2.5, 0.1]}},
+        radio={"delay_frames": {"uniform": [0, 9]}},
+    )
+    drawn = np.array(
+        [
+            (s.carpet.friction, s.battery.charge, s.body.mass_kg, s.radio.delay_frames)
+            for s in map(scenario.settings_for_seed, range(DRAWS))
+        ]
+    )
+    for shift in range(-3, 4):
+        pairs = np.corrcoef(drawn, np.roll(drawn, shift, axis=0), rowvar=False)[:4, 4:]
+        np.fill_diagonal(pairs, pairs.diagonal() * (shift != 0))
+        assert np.abs(pairs).max() < 4 / np.sqrt(DRAWS), shift
+
+
 def test_draws_depend_on_the_seed_only_and_are_recorded(tmp_path: Path) -> None:
     delays = {"uniform": [0, 9]}
     scenario = load(radio={"delay_frames": delays}, battery={"charge": {"choice": [0.4, 0.5]}})

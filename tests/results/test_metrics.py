@@ -134,6 +134,22 @@ def test_settling_counts_the_last_excursion_of_each_row_from_the_end_of_its_own_
     np.testing.assert_allclose(settled, [0, 0, (32 - 10) * T, np.inf, 0, 3 * T, 15 * T])
 
 
+def test_alpha_counts_only_where_the_mean_command_exceeds_a_tenth() -> None:
+    """The mean over a window of 15 frames, whatever the commands in it are."""
+    one_in_five = np.tile([1.0, 0.0, 0.0, 0.0, 0.0], 12)
+    for command, counts in (
+        (np.full(60, 0.1001), True),
+        (np.full(60, -0.1001), True),
+        (np.full(60, 0.0999), False),
+        (0.501 * one_in_five, True),
+        (0.499 * one_in_five, False),
+        (np.tile([0.5, -0.45, 0.1], 20), False),
+    ):
+        position = np.concatenate([[0.0], 0.8 * np.cumsum(command) / 60])
+        alpha = alpha_windows(position, np.append(command, 0.0))
+        assert alpha == pytest.approx(0.8 if counts else np.nan, nan_ok=True)
+
+
 def test_windows_of_alpha_are_ratios_of_displacements() -> None:
     """A robot with gain 0.8 and a lag of 0.1 s has alpha 0.8 in every window of driving."""
     command = np.where((np.arange(120) >= 20) & (np.arange(120) < 90), 0.5, 0.0)[:, None]

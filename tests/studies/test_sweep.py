@@ -488,6 +488,24 @@ def test_correlations_and_worst_runs_are_reported(
     assert again["error_m"]["position"]["max"]["per_seed"] == [worst["position_max_m"]]
 
 
+class Failing(om.Controller):
+    """Fails the later, the longer the dead time is; never with one of 9 frames."""
+
+    def command(self, frame, observation):  # type: ignore[no-untyped-def]
+        delay_frames = self.model.delay_frames
+        if delay_frames < 9 and frame > 10 + delay_frames:
+            raise ValueError("failed")
+        return 0.0 * observation.pose
+
+
+def test_worst_runs_are_the_earliest_failures(tmp_path: Path) -> None:
+    result = bench.sweep(
+        scenario(), {"radio.delay_frames": [9, 4, 2, 6]}, [Failing], out=tmp_path / "s"
+    )
+    worst = [run["radio.delay_frames"] for run in result.summary["worst"]]
+    assert worst == [2, 4, 6]
+
+
 def test_the_command_of_the_worst_run_has_values_of_all_types(tmp_path: Path) -> None:
     """Truth values, texts and numbers, in a folder whose name needs quotes."""
     axes = ("firmware.thermal_derating=true", "wheels.model=two-rollers", "carpet.friction=0.5,0.6")
