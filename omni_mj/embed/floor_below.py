@@ -8,6 +8,7 @@ import numpy as np
 from omni_control.errors import OmniError
 from omni_control.kinematics import Array
 from omni_mj.mjcf.field import ROBOT_HEIGHT_M
+from omni_mj.mjcf.robot_parts import RobotIndices
 from omni_mj.mjcf.world_builder import World
 from omni_mj.plants.mjdata_views import RobotViews
 
@@ -50,10 +51,7 @@ def put_on_floor(
     # Wheels beyond the edge of the floor hang in the air.
     heights = np.array([(floor or known_floors[0])[0] for floor in floors])
     # Margins of both geoms add up. A margin would increase the radius of the wheels.
-    is_own = np.isin(model.geom_bodyid, robot.bodies)
-    model.geom_margin[is_own & (model.geom_conaffinity > 0)] = -max(
-        margin for _, margin in known_floors
-    )
+    set_margin(model, robot, -max(margin for _, margin in known_floors))
     position = views.pose.get()
     if np.ptp(heights) == 0:
         position[2] += heights[0]
@@ -68,6 +66,12 @@ def put_on_floor(
         position[:3, 0] = [*pose[:2], center] + position[2, 0] * normal
         position[3:, 0] = quaternion
     views.pose.set(position)
+
+
+def set_margin(model: mujoco.MjModel, robot: RobotIndices, margin: float) -> None:
+    """Set the contact margin of a robot, m."""
+    is_own = np.isin(model.geom_bodyid, robot.bodies)
+    model.geom_margin[is_own & (model.geom_conaffinity > 0)] = margin
 
 
 def _find_floor(

@@ -13,6 +13,7 @@ import numpy as np
 
 from omni_control.errors import OmniError
 from omni_control.kinematics import Array
+from omni_mj.config import CYCLE_RATE_HZ
 from omni_mj.config.rows import Row
 from omni_mj.mjcf.world_builder import World
 from omni_mj.network.radio import ReceivedCommand
@@ -36,7 +37,6 @@ class SteppedRobot(MujocoRobots):
         world: Model of the scene.
         views: View of the robot, which is at its start.
         variation: Deviations of the robot from its settings.
-        cycles_per_step: Cycles of the firmware per step.
 
     Attributes:
         record: Record of the last cycle.
@@ -48,20 +48,31 @@ class SteppedRobot(MujocoRobots):
         world: World,
         views: RobotViews,
         variation: RobotVariation,
-        cycles_per_step: Fraction,
     ) -> None:
         super().__init__([row], world, views, variation, np.zeros(1))
         self._heading = self.compute_heading()
         self._read_sensors()
         self._start()
-        self._check_wheel_loops()
-        self._cycles_per_step = cycles_per_step
+        self._start_steps()
         self._now = Fraction(0)  # time in cycles
         self._sensor_time = Fraction(-1)  # of the sensor values, in cycles
         self._runs_cycle = False  # whether a cycle ran before this step
         self._voltages: Array | None = None  # commanded voltages, (W, 1) V
         self._push_force = np.zeros((2, 1))
         self.record = CycleRecord(*(values[0] for values in self._record))  # zeros
+
+    def follow(self, world: World, views: RobotViews) -> None:
+        """Go on in another model of the scene, and with views of it."""
+        self._world, self._views = world, views
+        self._change_parameters(self.parameters.electronics)
+        self._write_motors()
+        self._start_steps()
+
+    def _start_steps(self) -> None:
+        """Adopt the timestep of the scene."""
+        self._check_wheel_loops()
+        step = self._world.model.opt.timestep
+        self._cycles_per_step = Fraction(step * CYCLE_RATE_HZ).limit_denominator(10**6)
 
     def _check_wheel_loops(self) -> None:
         """Raise an OmniError if steps are too long for the gain of the wheel loops.

@@ -140,7 +140,14 @@ def stiffen_slip_hinges(model: mujoco.MjModel, robot: RobotIndices) -> None:
     model.dof_solimp[robot.slip_dofs, :2] = MAX_IMPEDANCE
 
 
-def find_load_addresses(model: mujoco.MjModel, robot: RobotIndices) -> Ids:
-    """Return the addresses in sensordata of the vertical forces on the wheels, (wheels,)."""
+def find_load_addresses(model: mujoco.MjModel, robot: RobotIndices, scene_prefix: str = "") -> Ids:
+    """Return the addresses in sensordata of the vertical forces on the wheels, (wheels,).
+
+    Args:
+        model: Model with the robot.
+        robot: Indices of the robot.
+        scene_prefix: Prefix with which the scene of the robot was attached to another one.
+    """
+    rims = [model.body(rim).name.removeprefix(scene_prefix) for rim in robot.rims]
     # A sensor's three values are the force along x, y and z.
-    return np.array([model.sensor(f"load/{model.body(rim).name}").adr[0] + 2 for rim in robot.rims])
+    return np.array([model.sensor(f"{scene_prefix}load/{rim}").adr[0] + 2 for rim in rims])

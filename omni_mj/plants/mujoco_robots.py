@@ -97,8 +97,7 @@ class MujocoRobots(CyclewisePlant):
 
     def compute_heading(self) -> Array:
         """Return the headings of robots, which may be tilted, (n,) rad in (-pi, pi]."""
-        w, x, y, z = self._views.pose.get()[3:]
-        return np.arctan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))
+        return compute_heading(self._views.pose.get()[3:])
 
     def _begin_frame(self) -> None:
         """Apply changes from frame to frame: faults, disturbances, vision's headings, heat."""
@@ -107,9 +106,13 @@ class MujocoRobots(CyclewisePlant):
         parameters = self.parameters.electronics
         _, wheel_angle = self._sensor_values
         self.electronics = begin_frame(parameters, self.electronics, inputs, wheel_angle)
-        motors = self.electronics.motors
+        self._write_motors()
+
+    def _write_motors(self) -> None:
+        """Write what heat changes."""
+        motors, parameters = self.electronics.motors, self.parameters.electronics.motors
         self._views.resistance.set(motors.resistance)
-        self._views.torque_constant.set(motors.back_emf_constant / parameters.motors.gear_ratio)
+        self._views.torque_constant.set(motors.back_emf_constant / parameters.gear_ratio)
 
     def _begin_cycle(self) -> CycleRecord:
         """Run the firmware, and write voltages, forces on the chassis, and slip limits."""
@@ -144,3 +147,9 @@ class MujocoRobots(CyclewisePlant):
     def _end_frame(self) -> dict[int, str]:
         self._heading += wrap_angle(self.compute_heading() - self._heading)
         return {}
+
+
+def compute_heading(quaternion: Array) -> Array:
+    """Return the headings of orientations (w, x, y, z), (4, ...), in (-pi, pi] rad."""
+    w, x, y, z = quaternion
+    return np.arctan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))

@@ -1,6 +1,7 @@
 """Robots in scenes of others drive as on the plant `mujoco`, whatever the scene."""
 
 import copy
+import pickle
 from collections.abc import Sequence
 from functools import cache
 from typing import Any
@@ -23,6 +24,7 @@ ROBOTS = ("tigers-v2016", "tigers-v2020", "robojackets")
 ELLIPTIC, Integrator = mujoco.mjtCone.mjCONE_ELLIPTIC, mujoco.mjtIntegrator
 FIELD = find_models_folder() / "field.xml"
 STEPS = 16  # of the field's timestep in a frame
+RANDOM = {"randomization": {"max_wear_m": 5e-4, "mass_std": 0.1, "com_offset_std_m": 0.003}}
 NOISELESS = {"gyro_noise_rad_s": 0.0, "gyro_bias_rad_s": 0.0}
 
 
@@ -387,6 +389,168 @@ def test_scenes_without_floor_and_loops_that_oscillate_are_refused() -> None:
     model = scene.compile()
     with pytest.raises(om.OmniError, match="needs a floor"):
         robot.bind(model, mujoco.MjData(model))
+
+
+def test_drives_of_one_model_share_its_data_and_each_robot_has_one() -> None:
+    """A second drive is refused. In a copied model it drives as the first one, to the bit."""
+    scene, robots = make_two_robots()
+    model = scene.compile()
+    data = mujoco.MjData(model)
+    drives = [robot.bind(model, data) for robot in robots]
+    expected = drive_all(drives)
+    message = "already has a drive of '[ab]_chassis'.*copy.deepcopy"
+    for other_data in (data, mujoco.MjData(model)):
+        with pytest.raises(om.OmniError, match=message):
+            robots[0].bind(model, other_data)
+    with pytest.raises(om.OmniError, match=message):
+        copy.copy(drives[0])
+    twin = pickle.loads(pickle.dumps(drives[0]))
+    with pytest.raises(om.OmniError, match=message):
+        robots[0].bind(twin.model, twin.data)
+    copied_model = copy.deepcopy(model)
+    copied_data = mujoco.MjData(copied_model)
+    copies = [robot.bind(copied_model, copied_data) for robot in robots]
+    np.testing.assert_array_equal(drive_all(copies), expected)
+    drives.clear()
+    mujoco.mj_resetData(model, data)
+    drives = [robot.bind(model, data) for robot in robots]
+    np.testing.assert_array_equal(drive_all(drives), expected)
+
+
+@pytest.mark.parametrize(
+    "reset_data",
+    [
+        mujoco.mj_resetData,
+        lambda model, data: mujoco.mj_resetDataKeyframe(model, data, 0),
+        lambda *_: None,
+    ],
+    ids=["data", "keyframe", "robots alone"],
+)
+def test_a_reset_repeats_the_bits(reset_data: Any) -> None:
+    """Heat, battery, integrators, encoders and noise start anew."""
+    scene, robots = make_two_robots()
+    scene.add_key(time=7.0)
+    model = scene.compile()
+    data = mujoco.MjData(model)
+    drives = [robot.bind(model, data, seed=3) for robot in robots]
+    expected = drive_all(drives)
+    reset_data(model, data)
+    for drive in drives:
+        drive.reset()
+    np.testing.assert_array_equal(drive_all(drives), expected)
+
+
+def test_a_scene_may_be_attached_with_a_prefix_and_moved() -> None:
+    """The robot drives from its moved start; of two copies, each robot is chosen by its prefix."""
+    twist, turn = np.array([0.6, 0.3, 1.0]), 0.5
+    scene = make_floor("plane")
+    robot = om.add_robot(scene, prefix="a_", pose=(0.2, 0.1, 0.3))
+    outer = mujoco.MjSpec()
+    outer.option.timestep = scene.option.timestep
+    quaternion = [np.cos(turn / 2), 0, 0, np.sin(turn / 2)]
+    for i, prefix in enumerate(("left/", "right/")):
+        frame = outer.worldbody.add_frame(pos=[1 + 50 * i, 2, 0.5], quat=quaternion)
+        outer.attach(scene.copy(), prefix=prefix, frame=frame)
+        model = outer.compile()
+        data = mujoco.MjData(model)
+        if not i:
+            drives = [robot.bind(model, data)]
+    with pytest.raises(om.OmniError, match="scene_prefix=, one of 'left/', 'right/'"):
+        robot.bind(model, data)
+    drives += [robot.bind(model, data, scene_prefix=prefix) for prefix in ("left/", "right/")]
+    cosine, sine = np.cos(turn), np.sin(turn)
+    for drive, x in zip(drives, (1, 1, 51), strict=True):
+        start = [x + 0.2 * cosine - 0.1 * sine, 2 + 0.2 * sine + 0.1 * cosine, 0.3 + turn]
+        np.testing.assert_allclose(drive.pose, start, atol=1e-9)
+    plain_model = scene.compile()
+    plain = robot.bind(plain_model, mujoco.MjData(plain_model))
+    step(plain, 200, velocity=twist)
+    step(drives[0], 200, velocity=twist)
+    x, y, heading = plain.pose
+    moved = [1 + cosine * x - sine * y, 2 + sine * x + cosine * y, heading + turn]
+    np.testing.assert_allclose(drives[0].pose, moved, atol=3e-3)
+
+
+def test_a_drive_follows_a_scene_that_is_compiled_again_in_motion() -> None:
+    """With another body before its own, it drives on as without; another robot is refused."""
+    scene, robots = make_two_robots()
+    model = scene.compile()
+    data = mujoco.MjData(model)
+    drives = [robot.bind(model, data) for robot in robots]
+    drive_all(drives)
+    undisturbed = copy.deepcopy(drives)
+    box = scene.worldbody.add_body(pos=[5, 5, 1])
+    box.add_freejoint()
+    box.add_geom(type=mujoco.mjtGeom.mjGEOM_BOX, size=[0.1, 0.1, 0.1])
+    new_model, new_data = scene.recompile(model, data)
+    other = make_floor("plane").compile()
+    with pytest.raises(om.OmniError, match="no body 'a_chassis'"):
+        drives[0].follow(other, mujoco.MjData(other))
+    assert drives[0].model is model, "it stays"
+    for drive in drives:
+        drive.follow(new_model, new_data)
+    values, expected = drive_all(drives), drive_all(undisturbed)
+    assert drives[0].data.time == undisturbed[0].data.time
+    np.testing.assert_allclose(values[:, :3], expected[:, :3], atol=5e-3)
+    temperature, charge = values[:, 3:].T
+    np.testing.assert_allclose(temperature, expected[:, 3], atol=0.02)
+    assert (temperature > 25.3).all()
+    np.testing.assert_allclose(charge, expected[:, 4], rtol=1e-5)
+    assert (charge < 0.99999).all()
+    with pytest.raises(om.OmniError, match="already has a drive"):
+        robots[0].bind(new_model, new_data)
+    robots[0].bind(model, data)  # the drives have left it
+
+
+def test_the_gyro_has_bias_and_noise() -> None:
+    """At rest it shows them alone: a constant bias per seed, and the noise of each frame."""
+    settings = {"gyro_bias_rad_s": 0.5, "gyro_noise_rad_s": 0.02}
+    biases, n_frames = [], 40
+    for seed in range(4):
+        scene = make_floor("plane", timestep=FRAME_S / 4)
+        robot = om.add_robot(scene, sensors=settings)
+        model = scene.compile()
+        drive = robot.bind(model, mujoco.MjData(model), seed=seed)
+        drive.command(currents=[0.0] * 4)
+        frames = []
+        for _ in range(n_frames):
+            for _ in range(4):
+                drive.step()
+            frames.append(drive.gyro)
+        biases.append(np.mean(frames))
+        # The standard deviation of n normal numbers is uncertain by its (2 n)^-0.5-fold part.
+        noise = np.std(frames)
+        assert noise == pytest.approx(0.02, rel=4 / np.sqrt(2 * n_frames))
+    spread = np.sqrt(np.mean(np.square(biases)))
+    assert 0.08 < spread < 1.1, "within the 99.8 % of four draws"
+    assert len(set(biases)) == 4
+
+
+def make_two_robots() -> tuple[mujoco.MjSpec, list[Any]]:
+    """Return a plane with two robots whose bodies and sensors vary."""
+    scene = make_floor("plane")
+    return scene, [
+        om.add_robot(scene, name, prefix=prefix, pose=pose, **RANDOM)
+        for name, prefix, pose in (
+            ("tigers-v2016", "a_", (0.0, 0.0, 0.0)),
+            ("tigers-v2020", "b_", (0.8, 0.0, 2.0)),
+        )
+    ]
+
+
+def drive_all(drives: list[Any], n_steps: int = 60) -> NDArray:
+    """Drive robots in one scene; return their poses, hottest windings and charges, (n, 5)."""
+    for drive in drives:
+        drive.command([1.5, -0.7, 2.0])
+    for _ in range(n_steps):
+        for drive in drives:
+            drive.before_step()
+        mujoco.mj_step(drives[0].model, drives[0].data)
+        for drive in drives:
+            drive.after_step()
+    return np.array(
+        [[*d.pose, d.winding_temperatures.max(), d.battery_charge] for d in drives], float
+    )
 
 
 def add_to_plane(name: str, **options: Any) -> tuple[Any, mujoco.MjModel, mujoco.MjData]:
