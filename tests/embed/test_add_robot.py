@@ -553,6 +553,17 @@ def drive_all(drives: list[Any], n_steps: int = 60) -> NDArray:
     )
 
 
+def test_wheels_sink_in_with_the_square_of_steps_longer_than_2_ms() -> None:
+    """Loads at rest are equal, so depths are inverse to the stiffness of the contacts."""
+    depths = []
+    for timestep in (0.001, 0.002, 0.003, 0.005):
+        robot, model, data = add_to_plane("robojackets", timestep=timestep)
+        drive = robot.bind(model, data)
+        step(drive, round(0.4 / timestep), currents=np.zeros(4))
+        depths.append(-data.contact.dist.sum())
+    assert np.divide(depths, depths[1]) == pytest.approx([1, 1, 1.5**2, 2.5**2], rel=1e-3)
+
+
 def add_to_plane(name: str, **options: Any) -> tuple[Any, mujoco.MjModel, mujoco.MjData]:
     """Return a robot without prefix on a plane, and the scene."""
     scene = make_floor("plane", **options)

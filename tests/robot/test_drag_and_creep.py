@@ -145,6 +145,15 @@ def test_friction_under_a_wheel_is_that_of_the_last_patch() -> None:
         )
 
 
+def test_a_worn_wheel_is_worn_on_a_patch_too() -> None:
+    wear = np.array([[1.0], [0.5], [0.9], [1.1]])
+    for patches in ((), ((0.0, 0.0, 1.0, 0.3),)):
+        chosen = resolve_settings({"carpet": {"friction": 0.8, "patches": patches}, **FREE})
+        drag = compute_drag([chosen], [0.0, 0.0], friction_factor=wear)
+        friction = 0.3 if patches else 0.8
+        np.testing.assert_allclose(drag.torque_per_load, RADIUS_M * friction * wear)
+
+
 def test_a_wheel_has_no_friction_where_its_rollers_are_missing() -> None:
     missing_angle = np.array([[0.0], [1.0], [3.0], [16.0]]) * 2 * np.pi / ROLLERS
     has_friction = []
