@@ -34,6 +34,7 @@ def compute_traction_limits(
     com_height: float = 0.0,
     rolling_resistance: float = 0.0,
     roller_friction: float = 0.0,
+    com_x: float = 0.0,
 ) -> tuple[float, float]:
     """Return the highest accelerations (forward, sideways) for speeding up, m/s^2.
 
@@ -41,17 +42,19 @@ def compute_traction_limits(
     the ellipse of `MotionLimits`. Motors are assumed to be strong enough. Drag helps to brake.
 
     Args:
-        kinematics: Geometry of the wheels; the center of mass is above their middle.
+        kinematics: Geometry of the wheels.
         friction: Coefficient of friction between rollers and carpet.
         com_height: Height of the center of mass above the carpet, m. With 0, the load transfer by
             acceleration is neglected.
         rolling_resistance: See `WheelLimits`.
         roller_friction: See `WheelLimits`.
+        com_x: See `WheelLimits`.
 
     Raises:
         OmniError: The wheels do not surround the center of mass, or they cannot overcome drag.
     """
-    wheels = WheelLimits(kinematics, friction, 1.0, com_height, rolling_resistance, roller_friction)
+    drag = rolling_resistance, roller_friction
+    wheels = WheelLimits(kinematics, friction, 1.0, com_height, *drag, com_x=com_x)
     forward, backward, to_left, to_right = map(
         wheels.compute_max_acceleration, (0.0, math.pi, math.pi / 2, -math.pi / 2)
     )
@@ -65,7 +68,7 @@ class WheelLimits:
     """Combined limits of the wheels of a robot. Motors are assumed to be strong enough.
 
     Args:
-        kinematics: Geometry of the wheels; the center of mass is above their middle.
+        kinematics: Geometry of the wheels.
         friction: Coefficient of friction between rollers and carpet.
         gyration_radius: Square root of the yaw inertia over the mass, m.
         com_height: Height of the center of mass above the carpet, m.
@@ -73,6 +76,7 @@ class WheelLimits:
         roller_friction: Friction of the rollers' bearings against motion along the axle, over the
             wheel's load. It reduces the friction that is left along the rim (friction circle).
         max_rim_speed: Highest speed of a rim, m/s.
+        com_x: Forward position of the center of mass, whose accelerations count, m.
 
     Raises:
         OmniError: A number is out of range, the wheels do not surround the center of mass, or they
@@ -86,6 +90,7 @@ class WheelLimits:
     rolling_resistance: float = 0.0
     roller_friction: float = 0.0
     max_rim_speed: float = np.inf
+    com_x: float = 0.0
 
     def __post_init__(self) -> None:
         """Check the numbers, and that friction exceeds drag."""
@@ -138,7 +143,7 @@ class WheelLimits:
         travel = np.array([[math.cos(direction), math.sin(direction), 0.0]])
         rows, (drag,) = self.get_friction_constraints(travel)
         growth = rows @ travel[0]
-        is_reached = growth > 0
+        is_reached = growth > _PARALLEL
         return float(((1 - drag[is_reached]) / growth[is_reached]).min())
 
     def get_friction_constraints(self, twist: Array) -> tuple[Array, Array]:
@@ -215,7 +220,10 @@ class WheelLimits:
         force_rows = np.concatenate([normals, np.zeros_like(load_transfer)])
         load_weights = np.concatenate([extent, np.eye(len(static_load))])
         capacity = GRAVITY * (load_weights @ static_load)[:, None]
-        return (force_rows - load_weights @ load_transfer) / capacity, force_rows / capacity
+        # A force on the center of mass has a moment about the middle of the wheels.
+        acceleration_rows = force_rows + self.com_x * force_rows[:, 2:] * [0.0, 1.0, 0.0]
+        acceleration_rows -= load_weights @ load_transfer
+        return acceleration_rows / capacity, force_rows / capacity
 
     @cached_property
     def _max_drag(self) -> Array:
@@ -231,22 +239,26 @@ class WheelLimits:
 
     @cached_property
     def _loads(self) -> tuple[Array, Array]:
-        return compute_load_distribution(self.kinematics, self.com_height)
+        return compute_load_distribution(self.kinematics, self.com_height, self.com_x)
 
 
-def compute_load_distribution(kinematics: Kinematics, com_height: float) -> tuple[Array, Array]:
+def compute_load_distribution(
+    kinematics: Kinematics, com_height: float, com_x: float = 0.0
+) -> tuple[Array, Array]:
     """Return the loads of wheels at rest and under acceleration.
 
     Args:
-        kinematics: Geometry of the wheels; the center of mass is above their middle.
+        kinematics: Geometry of the wheels.
         com_height: Height of the center of mass above the carpet, m.
+        com_x: Forward position of the center of mass, m.
 
     Returns:
         Loads at rest over the weight, (wheels,), and loads per mass that accelerations
         [ax, ay, turning] add, (wheels, 3).
     """
     load_matrix = compute_load_matrix(kinematics)
-    return load_matrix[:, 0], np.pad(-com_height * load_matrix[:, 1:], ((0, 0), (0, 1)))
+    static_load = load_matrix @ [1.0, com_x, 0.0]
+    return static_load, np.pad(-com_height * load_matrix[:, 1:], ((0, 0), (0, 1)))
 
 
 def compute_load_matrix(kinematics: Kinematics) -> Array:

@@ -113,6 +113,7 @@ def _build_wheel_limits(settings: Settings) -> WheelLimits | None:
             settings.carpet.rolling_resistance,
             settings.drivetrain.roller_friction,
             utilization * _compute_max_rim_speed(settings),
+            body.com_x_m,
         )
     except OmniError as error:
         raise OmniError(

@@ -87,11 +87,15 @@ def _derive_facts(settings: Settings) -> dict[str, float]:
 
 def _compute_traction_limits(settings: Settings) -> tuple[float, float]:
     """Return the highest accelerations forward and sideways; see `load_robot`."""
-    carpet, kinematics = settings.carpet, settings.wheels.kinematics
-    drag = carpet.rolling_resistance, settings.drivetrain.roller_friction
+    body, carpet = settings.body, settings.carpet
     try:
         return compute_traction_limits(
-            kinematics, carpet.friction, settings.body.com_height_m, *drag
+            settings.wheels.kinematics,
+            carpet.friction,
+            body.com_height_m,
+            carpet.rolling_resistance,
+            settings.drivetrain.roller_friction,
+            body.com_x_m,
         )
     except OmniError:
         return 0.0, 0.0

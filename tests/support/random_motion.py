@@ -87,6 +87,7 @@ wheels = st.builds(
     st.floats(0, 0.05),
     st.floats(0, 0.05),
     st.floats(0.5, 5),
+    st.floats(-0.01, 0.01),
 )
 vectors = st.tuples(*[st.floats(-1, 1).filter(lambda x: abs(x) > 1e-3)] * 2, st.floats(-20, 20))
 TIGERS = WheelLimits(
@@ -100,18 +101,32 @@ def get_axles(robot: WheelLimits) -> Array:
     return np.stack([np.cos(azimuths), np.sin(azimuths)], axis=1)
 
 
+def get_contacts(robot: WheelLimits) -> Array:
+    """Return positions (wheels, 2) of the contacts relative to the center of mass, m."""
+    return robot.kinematics.arm * get_axles(robot) - [robot.com_x, 0.0]
+
+
+def compute_moments(robot: WheelLimits, forces: Array) -> Array:
+    """Return the moments (wheels,) of forces (wheels, 2) about the center of mass."""
+    (x, y), (force_x, force_y) = get_contacts(robot).T, forces.T
+    return x * force_y - y * force_x
+
+
 def compute_loads(robot: WheelLimits) -> tuple[Array, Array]:
     """Return loads at rest (wheels,) and per acceleration [ax, ay] (wheels, 2), over the mass.
 
     The wheels are four equal springs.
     """
-    balance = np.column_stack([np.ones(4), robot.kinematics.arm * get_axles(robot)])
+    balance = np.column_stack([np.ones(4), get_contacts(robot)])
     loads = np.linalg.pinv(balance).T @ np.diag([G, -robot.com_height, -robot.com_height])
     return loads[:, 0], loads[:, 1:]
 
 
 def compute_drag(robot: WheelLimits, twist: Array) -> Array:
-    """Return drag at a body twist, [x, y, moment] per mass, as a sum over the wheels."""
+    """Return drag at a body twist, [x, y, moment] per mass, as a sum over the wheels.
+
+    The moment is that about the center of mass.
+    """
     axle, load = get_axles(robot), compute_loads(robot)[0][:, None]
     arm = robot.kinematics.arm * axle
     v = twist[:2] + twist[2] * np.column_stack([-arm[:, 1], arm[:, 0]])
@@ -120,7 +135,7 @@ def compute_drag(robot: WheelLimits, twist: Array) -> Array:
         robot.rolling_resistance * v / np.linalg.norm(v, axis=1, keepdims=True)
         + robot.roller_friction * axle_sign * axle
     )
-    return np.append(force.sum(0), (arm[:, 0] * force[:, 1] - arm[:, 1] * force[:, 0]).sum())
+    return np.append(force.sum(0), compute_moments(robot, force).sum())
 
 
 def solve_max_scale(robot: WheelLimits, acceleration: Array, twist: Array) -> float:
@@ -132,7 +147,8 @@ def solve_max_scale(robot: WheelLimits, acceleration: Array, twist: Array) -> fl
     grip = math.sqrt(robot.friction**2 - robot.roller_friction**2)
     q = acceleration * [1, 1, robot.gyration_radius**2]
     x, y = get_axles(robot).T
-    rim_matrix = np.array([-y, x, np.full(4, robot.kinematics.arm)])
+    rims = np.column_stack([-y, x])
+    rim_matrix = np.vstack([rims.T, compute_moments(robot, rims)])
     gained = -grip * (transfer @ q[:2])[:, None]
     result = linprog(
         [0, 0, 0, 0, -1],
