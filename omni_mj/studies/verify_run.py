@@ -38,7 +38,6 @@ from omni_mj.results.provenance import (
 )
 from omni_mj.results.result import Outcome, Result, name_files
 from omni_mj.simulation.simulation import Simulation
-from omni_mj.studies.compare_table import to_markdown
 from omni_mj.studies.run_scenario import (
     StartProgress,
     StoppedError,
@@ -47,8 +46,7 @@ from omni_mj.studies.run_scenario import (
     no_progress,
     run_simulation,
 )
-from omni_mj.studies.sweep.sweep_plan import MODEL_AXIS, SWEEP_FILE, SweepPlan, check_axes
-from omni_mj.studies.sweep.sweep_statistics import format_sweep_markdown
+from omni_mj.studies.sweep.sweep_plan import MODEL_AXIS, SWEEP_FILE, Shard, SweepPlan, check_axes
 from omni_mj.studies.sweep.sweep_study import (
     ROWS,
     list_row_files,
@@ -72,7 +70,6 @@ UNREPEATABLE = (
     f"{SUMMARY_FILE}: repeat_command",
     f"{SUMMARY_FILE}: worst.*.repeat_command",
 )
-TABLE_FILES = ("trajectory.parquet", "trajectories/*.parquet", "rows.parquet", "shards/*.parquet")
 ROW_KEYS = ("frame", "point", "controller", "seed", "slot")  # columns that name a line of a table
 
 
@@ -156,15 +153,10 @@ def verify(
 
 
 class _LoadedScenario(NamedTuple):
-    """A scenario of a saved run.
-
-    Attributes:
-        scenario: The scenario with copies of the user's files.
-        originals: Path of each copy -> name of the user's file in the scenario's file.
-    """
+    """A scenario with copies of the user's files, and the content of its saved file."""
 
     scenario: Scenario
-    originals: dict[str, str]
+    content: Record
 
 
 @dataclass(frozen=True)
@@ -207,22 +199,13 @@ class _SavedRun:
         entry = self.record["scenarios"][name]
         robot, plant = self._find_copy(entry["robot"]), self._find_class(entry["plant"])
         controllers = [self._find_class(item) for item in entry["controllers"]]
-        originals = {robot: content["robot"]}
-        specs = zip([plant, *controllers], [content["plant"], *content["controllers"]], strict=True)
-        for spec, original in specs:
-            if is_class_path(spec):
-                originals[spec.rpartition(":")[0]] = original.rpartition(":")[0]
         top_level = {"controllers": controllers, "plant": plant, "robot": robot}
         model_section = {}
         if models := self.find_models(name):
-            saved_file = content["model"]["file"]
-            is_drawn = isinstance(saved_file, dict)
-            originals |= zip(
-                models, saved_file["choice"] if is_drawn else [saved_file], strict=True
-            )
+            is_drawn = len(models) > 1
             model_section["model"] = {"file": {"choice": models} if is_drawn else models[0]}
         scenario = load_with_overrides(str(self.path / file), (), top_level, sections=model_section)
-        return _LoadedScenario(scenario, originals)
+        return _LoadedScenario(scenario, content)
 
     def find_models(self, name: str) -> list[str]:
         """Return the copies of a scenario's models, after a check of the files that they name."""
@@ -264,17 +247,17 @@ def _repeat_runs(saved_run: _SavedRun, start_progress: StartProgress) -> VerifyR
     saved_summary = summary.read_summary(path)
     several = len(record["scenarios"]) > 1
     outcomes: list[Outcome] = []
-    originals: dict[str, str] = {}
-    input_files, tables = [], []
+    robots: list[str] = []
     for name in record["scenarios"]:
         entry, files = saved_summary["scenarios"][name], name_files(name, several)
         loaded = saved_run.load_scenario(name, files.scenario, entry["settings"])
-        originals |= loaded.originals
-        input_files.append(files.scenario)
+        robots.append(loaded.content["robot"])
         outcome = _run_as_saved(loaded.scenario, entry, start_progress)
+        outcome.entry.update({key: loaded.content[key] for key in ("plant", "robot")})
+        _restore_model(outcome.entry["settings"], loaded.content)
         result.rows += len(outcome.rows)
-        if record["frames_saved"] and outcome.log and outcome.log.lengths.any():
-            tables.append(files.frames)
+        has_frames = record["frames_saved"] or (path / files.frames).exists()
+        if has_frames and outcome.log and outcome.log.lengths.any():
             frames = outcome.log.to_arrow()
             result.frames += frames.num_rows
             result.differences += _compare_file(path / files.frames, frames)
@@ -284,30 +267,28 @@ def _repeat_runs(saved_run: _SavedRun, start_progress: StartProgress) -> VerifyR
     is_incomplete = any(outcome.entry["status"] == "not run" for outcome in outcomes)
     if is_incomplete:
         result.remarks.append("some scenarios were not run: there is nothing to compare with")
-    scenarios = [outcome.scenario for outcome in outcomes]
+    scenario = outcomes[0].scenario
     repeated = Result(
         outcomes,
-        scenarios[0].labels,
-        list_privileged(scenarios[0]),
-        scenarios[0].seed_list,
+        scenario.labels,
+        list_privileged(scenario),
+        scenario.seed_list,
         record["subject"],
         stopped=saved_summary["stopped"] if is_incomplete else None,
         complete=all(outcome.was_run for outcome in outcomes),
     )
-    has_markdown = (path / "compare.md").exists()
-    if has_markdown:
-        result.differences += _compare_file(path / "compare.md", to_markdown(saved_summary))
-    study = "compare" if several or has_markdown else "run"
     repeated_summary = repeated.summary()
     if saved_summary["versions"] == record["versions"]:  # other ones are a remark
         repeated_summary["versions"] = record["versions"]
-    result.differences += [
-        *_compare_file(path / SUMMARY_FILE, _restore_names(repeated_summary, originals)),
-        *_compare_provenance(
-            saved_run, study, scenarios, originals, input_files, saved_summary["subject"]
-        ),
-        *_list_other_tables(path, tables),
-    ]
+    result.differences += _compare_file(path / SUMMARY_FILE, repeated_summary)
+    scenarios = [outcome.scenario for outcome in outcomes]
+    input_files = [name_files(name, several).scenario for name in record["scenarios"]]
+    repeated_record = _repeat_record(saved_run, scenarios, robots, input_files) | {
+        "study": "compare" if several or (path / "compare.md").exists() else "run",
+        "frames_saved": bool(result.frames) or record["frames_saved"],
+        "subject": saved_summary["subject"],
+    }
+    result.differences += _compare_file(path / PROVENANCE_FILE, repeated_record)
     return result
 
 
@@ -317,36 +298,40 @@ def _repeat_sweep(saved_run: _SavedRun, start_progress: StartProgress) -> Verify
     saved_run.check_input(SWEEP_FILE)
     saved_plan, saved_summary = read_json(path / SWEEP_FILE), read_json(path / SUMMARY_FILE)
     name, *variants = record["scenarios"]
-    scenario, originals = saved_run.load_scenario(name, "scenario.toml", saved_summary["settings"])
+    loaded = saved_run.load_scenario(name, "scenario.toml", saved_summary["settings"])
     axes = dict(saved_plan["axes"])
-    if MODEL_AXIS in axes:
-        models = [file for variant in variants for file in saved_run.find_models(variant)]
-        originals |= zip(models, axes[MODEL_AXIS], strict=True)
+    models = [file for variant in variants for file in saved_run.find_models(variant)]
+    if models:
         axes[MODEL_AXIS] = models
-    plan = SweepPlan(scenario, check_axes(axes.items()), saved_plan["batch_size"])
+    plan = SweepPlan(loaded.scenario, check_axes(axes.items()), saved_plan["batch_size"])
     shards = stored_shards(plan, path)
     if not shards:
         raise OmniError(f"nothing was recorded in {path}: there is nothing to compare with")
-    after_frame = start_progress("sweep", plan.frames * len(shards))
-    shard_rows = dict(run_shards(plan, shards, after_frame))
-    rows = merge_rows(plan, list(shard_rows.values()))
-    result = VerifyResult(rows.num_rows, is_sweep=True)
-    tables = []
+    shard_rows: dict[Shard, pa.Table] = {}
+    for shard, rows in run_shards(plan, shards, start_progress("sweep", plan.frames * len(shards))):
+        if models:
+            index = rows.column_names.index(MODEL_AXIS)
+            names = dict(zip(models, saved_plan["axes"][MODEL_AXIS], strict=True))
+            restored = [names[file] for file in rows[MODEL_AXIS].to_pylist()]
+            rows = rows.set_column(index, MODEL_AXIS, pa.array(restored))
+        shard_rows[shard] = rows
+    all_rows = merge_rows(plan, list(shard_rows.values()))
+    result = VerifyResult(all_rows.num_rows, is_sweep=True)
     for file, shards_in_file in list_row_files(plan, path).items():
         if file.exists():
-            tables.append(str(file.relative_to(path)))
-            content = rows if file.name == ROWS else shard_rows[shards_in_file[0]]
-            result.differences += _compare_file(file, _restore_names(content, originals))
-    if (path / "sweep.md").exists():
-        markdown = format_sweep_markdown(plan, saved_summary)
-        result.differences += _compare_file(path / "sweep.md", _restore_names(markdown, originals))
-    repeated_summary = summarize_sweep(plan, rows, len(shards), path)
-    scenarios, input_files = plan.recorded_scenarios, [SWEEP_FILE, "scenario.toml"]
-    result.differences += [
-        *_compare_file(path / SUMMARY_FILE, _restore_names(repeated_summary, originals)),
-        *_compare_provenance(saved_run, "sweep", scenarios, originals, input_files, None),
-        *_list_other_tables(path, tables),
-    ]
+            rows = all_rows if file.name == ROWS else shard_rows[shards_in_file[0]]
+            result.differences += _compare_file(file, rows)
+    repeated_summary = summarize_sweep(plan, all_rows, len(shards), path)
+    _restore_model(repeated_summary["settings"], loaded.content)
+    result.differences += _compare_file(path / SUMMARY_FILE, repeated_summary)
+    scenarios = plan.recorded_scenarios
+    robots = [loaded.content["robot"]] * len(scenarios)
+    repeated_record = _repeat_record(saved_run, scenarios, robots, [*plan.files]) | {
+        "study": "sweep",
+        "frames_saved": False,
+        "subject": None,
+    }
+    result.differences += _compare_file(path / PROVENANCE_FILE, repeated_record)
     return result
 
 
@@ -386,67 +371,45 @@ def _run_as_saved(scenario: Scenario, entry: Record, start_progress: StartProgre
     return run_simulation(simulation, after_frame)
 
 
-def _restore_names(content: Any, originals: Mapping[str, str]) -> Any:
-    """Return a table, text or JSON value with the user's files in place of their copies."""
-    if isinstance(content, str):
-        for copy in sorted(originals, key=len, reverse=True):
-            content = content.replace(copy, originals[copy])
-        return content
-    if isinstance(content, Mapping):
-        return {key: _restore_names(value, originals) for key, value in content.items()}
-    if isinstance(content, list | tuple):
-        return [_restore_names(value, originals) for value in content]
-    if isinstance(content, pa.Table) and MODEL_AXIS in content.column_names:
-        index = content.column_names.index(MODEL_AXIS)
-        names = [originals[file] for file in content[MODEL_AXIS].to_pylist()]
-        return content.set_column(index, MODEL_AXIS, pa.array(names))
-    return content
+def _restore_model(settings: dict[str, Any], content: Record) -> None:
+    """Put the name of the user's model in place of that of its copy."""
+    settings["model"]["file"] = content["model"]["file"]
 
 
-def _compare_provenance(
+def _repeat_record(
     saved_run: _SavedRun,
-    study: str,
     scenarios: Sequence[Scenario],
-    originals: Mapping[str, str],
+    robots: Sequence[str],
     input_files: Sequence[str],
-    subject: str | None,
-) -> Iterator[str]:
-    """Yield the differences of provenance.json, except for the environment, a line for all."""
-    record = saved_run.record
-    descriptions = describe_scenarios(scenarios, {})
-    for scenario in scenarios:
-        robot_file = originals[str(scenario.robot)]
-        descriptions[scenario.name]["robot"]["name"] = Path(robot_file).name
-    repeated = {key: record[key] for key in (*ENVIRONMENT_KEYS, "command", "started")} | {
+) -> dict[str, Any]:
+    """Return what provenance.json must hold about a study, with the environment that it holds.
+
+    Args:
+        saved_run: The folder.
+        scenarios: Scenarios as they were loaded.
+        robots: Name of each scenario's robot in its saved file.
+        input_files: Files that describe the study.
+    """
+    record, descriptions = saved_run.record, describe_scenarios(scenarios, {})
+    for scenario, robot in zip(scenarios, robots, strict=True):
+        descriptions[scenario.name]["robot"]["name"] = Path(robot).name
+    return {key: record[key] for key in (*ENVIRONMENT_KEYS, "command", "started")} | {
         "format": PROVENANCE_FORMAT,
-        "study": study,
         "scenarios": descriptions,
         "inputs": {file: record["inputs"][file] for file in input_files},
-        "frames_saved": record["frames_saved"] and study != "sweep",
-        "subject": subject,
     }
-    yield from _compare_file(saved_run.path / PROVENANCE_FILE, repeated)
-
-
-def _list_other_tables(path: Path, tables: Sequence[str]) -> list[str]:
-    """Return a line for each saved table that is not among those of the repetition."""
-    files = {str(file.relative_to(path)) for glob in TABLE_FILES for file in path.glob(glob)}
-    return [f"the repetition has no {file}" for file in sorted(files - {*tables})]
 
 
 def _compare_file(path: Path, repeated: Any) -> Iterator[str]:
     """Yield the differences of a file from the content that its repetition has, a line each.
 
     Args:
-        path: JSON file, table or text.
-        repeated: Mapping, table or text.
+        path: JSON file or table.
+        repeated: Mapping or table.
     """
     if isinstance(repeated, pa.Table):
         lines = _compare_tables(parquet.read_table(path), repeated)
         yield from (f"{path.name}: {line}" for line in lines)
-    elif isinstance(repeated, str):
-        if read_regular_file(path, MAX_JSON_BYTES).decode(errors="replace") != repeated:
-            yield f"{path.name} has other numbers or words than {SUMMARY_FILE}"
     else:
         yield from _compare_json(path.name, read_json(path), repeated)
 
