@@ -3,8 +3,9 @@
     python tests/bench_alpha_causes.py [--robot tigers-v2016] [--scenario rect ...] [--seeds 3]
 
 comp-flc drives on the plant planar. Alpha is the ratio of achieved to commanded displacement in
-windows of 0.25 s (the paper's equation 8), where all commands exceed 0.1 m/s. In these scenarios, x
-is forward and y sideways. The effect of a cause is the rise of the mean without it.
+windows of 0.25 s (the paper's equation 8), where all commands exceed 0.1 m/s. Its mean is weighted
+by the commanded displacement. In these scenarios, x is forward and y sideways. The effect of a
+cause is the rise of the mean without it.
 """
 
 import argparse
@@ -17,7 +18,7 @@ import numpy as np
 import omni_mj as om
 from omni_control.kinematics import Array
 from omni_mj.config.settings import Settings
-from omni_mj.results.alpha_windows import driven_alpha
+from omni_mj.results.alpha_windows import ALPHA_WINDOW_FRAMES, driven_alpha
 from omni_mj.studies.alpha import operating_conditions
 
 SCENARIOS = (
@@ -30,7 +31,8 @@ SCENARIOS = (
     "hot-motors",
     "low-battery",
 )
-# Effect -> function that removes it from settings
+PAPER_RANGE = 0.7, 1.0
+# Cause -> function that removes it from settings
 CAUSES: dict[str, Callable[[Settings], Settings]] = {
     "drag": operating_conditions.CAUSES["drag"],
     "creep": operating_conditions.CAUSES["creep"],
@@ -43,16 +45,21 @@ CAUSES: dict[str, Callable[[Settings], Settings]] = {
 }
 
 
-def measure_alpha(scenario: om.Scenario, settings: Settings) -> list[Array]:
-    """Return alpha along x and y in all windows and seeds."""
+def measure_alpha(scenario: om.Scenario, settings: Settings) -> tuple[Array, float]:
+    """Return the mean of alpha along x and y, (2,), and its share in `PAPER_RANGE`."""
     simulation = om.Simulation(scenario.replace(settings=settings), ["comp-flc"])
     simulation.run()
     pose, command = (simulation.log.channel(name)[..., :2] for name in ("pose", "applied"))
     alpha = driven_alpha(pose, command)
-    return [values[~np.isnan(values)] for values in np.moveaxis(alpha, -1, 0)]
+    total = np.cumsum(command, axis=0)
+    weight = np.abs(total[ALPHA_WINDOW_FRAMES:] - total[:-ALPHA_WINDOW_FRAMES])[: len(alpha)]
+    weight[np.isnan(alpha)] = 0.0
+    mean = (np.nan_to_num(alpha) * weight).sum((0, 1)) / weight.sum((0, 1))
+    known = alpha[~np.isnan(alpha)]
+    return mean, float(((known >= PAPER_RANGE[0]) & (known <= PAPER_RANGE[1])).mean())
 
 
-def format_pair(values: list[float], digits: int = 2) -> str:
+def format_pair(values: Array, digits: int = 2) -> str:
     """Return values along x and y as text."""
     return " / ".join(f"{value:.{digits}f}" for value in values)
 
@@ -68,14 +75,11 @@ def main() -> None:
     writer.writerow(["scenario", "alpha x / y", "in 0.7 to 1, %", *CAUSES])
     for name in options.scenario:
         scenario = om.load_scenario(name, robot=options.robot, plant="planar", seeds=options.seeds)
-        alpha = measure_alpha(scenario, scenario.settings)
-        means = np.array([values.mean() for values in alpha])
-        is_inside = np.concatenate([(values >= 0.7) & (values <= 1) for values in alpha])
-        row = [f"`{name}`", format_pair(means), f"{100 * is_inside.mean():.0f}"]
+        mean, share = measure_alpha(scenario, scenario.settings)
+        row = [f"`{name}`", format_pair(mean), f"{100 * share:.0f}"]
         for remove_cause in CAUSES.values():
-            without = measure_alpha(scenario, remove_cause(scenario.settings))
-            effects = np.array([values.mean() for values in without]) - means
-            row.append(format_pair(effects, 3))
+            mean_without, _ = measure_alpha(scenario, remove_cause(scenario.settings))
+            row.append(format_pair(mean_without - mean, 3))
         writer.writerow(row)
         sys.stdout.flush()
 

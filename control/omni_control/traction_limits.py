@@ -140,9 +140,9 @@ class WheelLimits:
         Args:
             direction: Angle from the body's x axis, rad.
         """
-        travel = np.array([[math.cos(direction), math.sin(direction), 0.0]])
-        rows, (drag,) = self.get_friction_constraints(travel)
-        growth = rows @ travel[0]
+        twist = np.array([[math.cos(direction), math.sin(direction), 0.0]])
+        rows, (drag,) = self.get_friction_constraints(twist)
+        growth = rows @ twist[0]
         is_reached = growth > _PARALLEL
         return float(((1 - drag[is_reached]) / growth[is_reached]).min())
 
