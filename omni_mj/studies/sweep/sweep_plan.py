@@ -188,12 +188,12 @@ class SweepPlan:
         )
         if not shards or len(shards) >= processes or not is_divisible:
             return list(shards)
-        parts_per_shard = math.ceil(processes / len(shards))
-        parts = []
+        tasks_per_shard = math.ceil(processes / len(shards))
+        tasks = []
         for number, runs in shards:
-            size = math.ceil(len(runs) / parts_per_shard)
-            parts += [Shard(number, runs[i : i + size]) for i in range(0, len(runs), size)]
-        return parts
+            size = math.ceil(len(runs) / tasks_per_shard)
+            tasks += [Shard(number, runs[i : i + size]) for i in range(0, len(runs), size)]
+        return tasks
 
     @cached_property
     def frames(self) -> int:

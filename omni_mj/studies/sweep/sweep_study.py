@@ -176,8 +176,8 @@ def run_sweep(
     remaining = sorted(set(plan.shards) - set(stored))
     after_frame = start_progress("sweep", plan.frames * len(remaining))
     n_done = len(stored)
-    parts = remaining if executor else plan.split_shards(remaining, jobs)
-    n_processes = 1 if executor else min(jobs, len(parts))
+    tasks = remaining if executor else plan.split_shards(remaining, jobs)
+    n_processes = 1 if executor else min(jobs, len(tasks))
     if remaining and not executor and n_processes < jobs:
         warnings.warn(
             f"only {n_processes} of {jobs} processes run: a run with its controllers cannot be "
@@ -190,7 +190,7 @@ def run_sweep(
             if workers is None:
                 shard_tables = run_shards(plan, remaining, after_frame)
             else:
-                shard_tables = run_shards_on_workers(workers, plan, parts, after_frame)
+                shard_tables = run_shards_on_workers(workers, plan, tasks, after_frame)
             for shard, rows in shard_tables:
                 if dependencies(plan) != expected:
                     raise OmniError(

@@ -102,14 +102,14 @@ def create_simulation(plan: SweepPlan, shard: Shard) -> Simulation:
 
 
 def run_shards_on_workers(
-    executor: Executor, plan: SweepPlan, parts: Sequence[Shard], after_frame: AfterFrame
+    executor: Executor, plan: SweepPlan, tasks: Sequence[Shard], after_frame: AfterFrame
 ) -> Iterator[tuple[Shard, pa.Table]]:
     """Run shards in other processes and yield each shard's table as soon as it is done.
 
     Args:
         executor: Executor of the processes.
         plan: Plan of the sweep.
-        parts: Shards, or parts of shards in the order of their runs.
+        tasks: Shards, or parts of shards in the order of their runs.
         after_frame: Called every `POLL_S` with the number of the last frame of the shards that are
             done. Its exceptions end the iteration.
 
@@ -120,21 +120,21 @@ def run_shards_on_workers(
     expected = dependencies(plan)
     done = SimpleQueue[Future[pa.Table]]()
     pending: dict[Future[pa.Table], Shard] = {}
-    for part in parts:
-        future = executor.submit(_run_on_worker, plan, part, expected)
-        pending[future] = part
+    for task in tasks:
+        future = executor.submit(_run_on_worker, plan, task, expected)
+        pending[future] = task
         future.add_done_callback(done.put)
-    tables: dict[Shard, pa.Table] = {}
-    n_frames = len({part.number for part in parts}) * plan.frames
+    rows_by_task: dict[Shard, pa.Table] = {}
+    n_frames = len({task.number for task in tasks}) * plan.frames
     while pending:
-        after_frame(n_frames * (len(parts) - len(pending)) // len(parts) - 1)
+        after_frame(n_frames * (len(tasks) - len(pending)) // len(tasks) - 1)
         try:
             future = done.get(timeout=POLL_S)
         except Empty:
             continue
-        part = pending.pop(future)
+        task = pending.pop(future)
         try:
-            tables[part] = future.result()
+            rows_by_task[task] = future.result()
         except BrokenProcessPool:
             after_frame(-1)  # a signal to all processes is the reason
             raise OmniError(
@@ -145,11 +145,11 @@ def run_shards_on_workers(
             raise
         except Exception as error:
             reason = f"{type(error).__name__}: {error}"
-            raise OmniError(f"a worker could not run shard {part.number}: {reason}") from error
-        siblings = [sibling for sibling in parts if sibling.number == part.number]
-        if all(sibling in tables for sibling in siblings):
-            rows = [tables.pop(sibling) for sibling in siblings]
-            yield plan.shards[part.number], pa.concat_tables(rows, promote_options="permissive")
+            raise OmniError(f"a worker could not run shard {task.number}: {reason}") from error
+        siblings = [sibling for sibling in tasks if sibling.number == task.number]
+        if all(sibling in rows_by_task for sibling in siblings):
+            rows = [rows_by_task.pop(sibling) for sibling in siblings]
+            yield plan.shards[task.number], pa.concat_tables(rows, promote_options="permissive")
     after_frame(n_frames - 1)
 
 
