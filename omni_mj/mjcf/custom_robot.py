@@ -35,7 +35,6 @@ from omni_mj.mjcf.robot_parts import (
     compute_initial_kinematics,
     find_chassis_names,
     find_robots,
-    find_slip_hinges,
 )
 
 MAX_RIPPLE = 0.005  # of the radius; wheels with more are reported
@@ -291,16 +290,16 @@ def _prepare_hinges(
     """
     data = compute_initial_kinematics(model)
     joint_names = {joint.name for joint in spec.joints}
-    for joint, rim, phase, is_outward in zip(
-        robot.joints, robot.rims, robot.phases, wheels.is_outward, strict=True
+    slip_hinges = model.dof_jntid[robot.slip_dofs]
+    for i, (joint, rim, phase, is_outward) in enumerate(
+        zip(robot.joints, robot.rims, robot.phases, wheels.is_outward, strict=True)
     ):
         hub = spec.joint(model.joint(joint).name)
-        slip_hinges = find_slip_hinges(model, joint, rim)
-        has_hub_direction = True
-        initial_slip = model.qpos0[model.jnt_qposadr[slip_hinges]].sum()
-        if slip_hinges:
-            slip = spec.joint(model.joint(slip_hinges[0]).name)
-            has_hub_direction = data.xaxis[joint] @ data.xaxis[slip_hinges[0]] > 0
+        has_hub_direction, initial_slip = True, 0.0
+        if slip_hinges.size:
+            slip = spec.joint(model.joint(slip_hinges[i]).name)
+            has_hub_direction = data.xaxis[joint] @ data.xaxis[slip_hinges[i]] > 0
+            initial_slip = model.qpos0[robot.slip_qpos[i]]
         else:
             body = spec.body(model.body(rim).name)
             name = _make_unique(f"slip_of_{hub.name}", joint_names)

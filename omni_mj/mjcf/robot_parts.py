@@ -8,8 +8,10 @@ body of the wheel, or one on it, with or without a slip hinge along the axle. Th
 the wheels, and the gyro is a <gyro> sensor on a site of the chassis, with its z axis up.
 """
 
+from collections import defaultdict
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import mujoco
 import numpy as np
@@ -27,8 +29,8 @@ RETAINED_ROLLERS = 2
 MIN_COUNT = 3  # least number of wheels, and of rollers of a wheel
 HINGE = mujoco.mjtJoint.mjJNT_HINGE
 DCMOTOR = mujoco.mjtGain.mjGAIN_DCMOTOR
-_DCMOTOR_EXAMPLE = (
-    '<dcmotor joint=... motorconst=... resistance=... gear=... armature=... input="voltage"/>'
+_DCMOTOR_HINT = (
+    'write <dcmotor joint=... motorconst=... resistance=... gear=... armature=... input="voltage"/>'
 )
 _MAX_ROLLER_ALIGNMENT = 0.5  # cosine of the angle between the hinges of a roller and its wheel
 _MAX_SPACING_ERROR_RAD = 1e-3
@@ -102,16 +104,17 @@ def compute_initial_kinematics(model: mujoco.MjModel) -> mujoco.MjData:
 def find_robots(model: mujoco.MjModel) -> tuple[RobotIndices, ...]:
     """Return the indices of all robots of a model, in the order of their bodies.
 
-    The robots stand upright, and whatever is on a chassis belongs to the robot.
+    The robots stand upright, and all bodies attached to a chassis belong to the robot.
 
     Raises:
         OmniError: Parts are missing. One line per part, with the element that is needed.
     """
     data = compute_initial_kinematics(model)
-    motors, chassis_of_motor = _find_wheel_motors(data)
+    wheels = _find_wheels(data)
+    raise_errors(_list_missing_parts(data, wheels))
     return tuple(
-        _find_parts(data, int(chassis), motors[chassis_of_motor == chassis])
-        for chassis in np.unique(chassis_of_motor)
+        _index_robot(data, chassis, wheels_of_chassis)
+        for chassis, wheels_of_chassis in wheels.items()
     )
 
 
@@ -171,8 +174,8 @@ def find_chassis_names(model: mujoco.MjModel) -> list[str]:
     Raises:
         OmniError: There are none.
     """
-    _, chassis_of_motor = _find_wheel_motors(compute_initial_kinematics(model))
-    return [model.body(chassis).name for chassis in np.unique(chassis_of_motor)]
+    wheels = _find_wheels(compute_initial_kinematics(model))
+    return [model.body(chassis).name for chassis in wheels]
 
 
 def find_slip_hinges(model: mujoco.MjModel, wheel: int, rim: int) -> list[int]:
@@ -187,86 +190,166 @@ def find_slip_hinges(model: mujoco.MjModel, wheel: int, rim: int) -> list[int]:
     return [joint for joint in range(start, start + count) if joint != wheel]
 
 
-def _find_wheel_motors(data: mujoco.MjData) -> tuple[Ids, Ids]:
-    """Return the <dcmotor>s that drive wheels, and the chassis of each.
+class _Wheel(NamedTuple):
+    """A wheel, of which parts may be missing.
+
+    Attributes:
+        joint: Its hinge.
+        motors: The <dcmotor>s that drive it.
+        encoders: The <jointpos> sensors of its hinge.
+        rims: Bodies that carry its rollers.
+        slip_hinges: Hinges of the rim, without that of the wheel.
+        rollers: Bodies in the order in which they reach the bottom.
+        phase: Angle of the wheel at which the first roller is at the bottom, rad.
+        is_even: Whether the rollers are evenly spaced.
+    """
+
+    joint: int
+    motors: Ids
+    encoders: Ids
+    rims: Ids
+    slip_hinges: list[int]
+    rollers: Ids
+    phase: float
+    is_even: bool
+
+
+def _find_wheels(data: mujoco.MjData) -> dict[int, list[_Wheel]]:
+    """Return the wheels of each chassis, counter-clockwise from forward.
 
     Raises:
-        OmniError: There are none, or a hinge with rollers on the same chassis has none.
+        OmniError: No <dcmotor> drives a hinge with rollers.
     """
     model = data.model
-    is_dc = model.actuator_gaintype == DCMOTOR
-    hinges = np.flatnonzero(model.jnt_type == HINGE).tolist()
-    rollers = {hinge: set(_find_rollers(data, hinge).tolist()) for hinge in hinges}
-    wheels = [hinge for hinge in hinges if len(rollers[hinge]) >= RETAINED_ROLLERS]
-    is_at_joint = model.actuator_trntype == mujoco.mjtTrn.mjTRN_JOINT
-    motors = np.flatnonzero(is_dc & is_at_joint & np.isin(model.actuator_trnid[:, 0], wheels))
-    if not motors.size:
-        hint = "" if is_dc.all() else f"; other actuators do not count: write {_DCMOTOR_EXAMPLE}"
+    is_dcmotor = model.actuator_gaintype == DCMOTOR
+    is_at_joint = is_dcmotor & (model.actuator_trntype == mujoco.mjtTrn.mjTRN_JOINT)
+    driven = model.actuator_trnid[is_at_joint, 0]
+    hinges = np.flatnonzero(model.jnt_type == HINGE)
+    is_driven = np.isin(hinges, driven)
+    wheels = defaultdict[int, list[_Wheel]](list)
+    known_rollers = set[int]()
+    # Driven hinges first: of a hub and a rim on it, the driven one is the wheel.
+    for joint in [*hinges[is_driven], *hinges[~is_driven]]:
+        motors = np.flatnonzero(is_at_joint & (model.actuator_trnid[:, 0] == joint))
+        rollers = _find_rollers(data, joint)
+        chassis = int(model.body_rootid[model.jnt_bodyid[joint]])
+        is_undriven_wheel = chassis in wheels and known_rollers.isdisjoint(rollers)
+        if len(rollers) >= (RETAINED_ROLLERS if motors.size else MIN_COUNT) and (
+            motors.size or is_undriven_wheel
+        ):
+            known_rollers.update(rollers)
+            wheels[chassis].append(_measure_wheel(data, joint, motors, rollers))
+    if not wheels:
+        hint = "" if is_dcmotor.all() else f"; other actuators do not count: {_DCMOTOR_HINT}"
         raise OmniError(
             "no wheels; a wheel is a hinge that a <dcmotor> drives, with rollers: bodies on it "
             f"with a hinge each, without a range, across the axle{hint}"
         )
-    driven = model.actuator_trnid[motors, 0]
-    chassis_of_joint = model.body_rootid[model.jnt_bodyid]
-    errors, driven_rollers = list[str](), set[int]().union(*(rollers[hinge] for hinge in driven))
-    for hinge in wheels:
-        is_on_robot = chassis_of_joint[hinge] in chassis_of_joint[driven]
-        is_driven = rollers[hinge] & driven_rollers  # also a hinge between hub and rim
-        if is_on_robot and not is_driven and len(rollers[hinge]) >= MIN_COUNT:
-            driven_rollers |= rollers[hinge]  # one error for hub and rim
-            errors.append(
-                f"{model.joint(hinge).name!r} has rollers, but no <dcmotor> drives it: "
-                f"write {_DCMOTOR_EXAMPLE}"
-            )
-    raise_errors(errors)
-    return motors, chassis_of_joint[driven]
+
+    def compute_azimuth(wheel: _Wheel) -> float:
+        x, y, _ = data.xanchor[wheel.joint] - data.xpos[chassis]
+        return float(np.round(np.degrees(np.arctan2(y, x)), AZIMUTH_DIGITS)) % 360
+
+    return {chassis: sorted(wheels[chassis], key=compute_azimuth) for chassis in sorted(wheels)}
 
 
 def _find_rollers(data: mujoco.MjData, joint: int) -> Ids:
     """Return the bodies with one hinge across that of a wheel, on the wheel's body or one on it."""
     model, axes = data.model, data.xaxis
     wheel, parent = model.jnt_bodyid[joint], model.body_parentid
-    bodies = np.flatnonzero(((parent == wheel) | (parent[parent] == wheel)) & _is_last_link(model))
+    is_last_link = model.body_jntnum == 1
+    is_last_link[parent[model.jnt_bodyid]] = False
+    bodies = np.flatnonzero(((parent == wheel) | (parent[parent] == wheel)) & is_last_link)
     hinges = model.body_jntadr[bodies]
     is_hinge = (model.jnt_type[hinges] == HINGE) & (model.jnt_limited[hinges] == 0)
     is_across = np.abs(axes[hinges] @ axes[joint]) < _MAX_ROLLER_ALIGNMENT
     return bodies[is_hinge & is_across]
 
 
-def _is_last_link(model: mujoco.MjModel) -> NDArray[np.bool_]:
-    """Return whether each body has one joint, and none of the bodies on it has any."""
-    is_last = model.body_jntnum == 1
-    is_last[model.body_parentid[model.jnt_bodyid]] = False
-    return is_last
+def _measure_wheel(data: mujoco.MjData, joint: int, motors: Ids, bodies: Ids) -> _Wheel:
+    """Return a wheel from its hinge, its motors, and the bodies of its rollers in any order."""
+    model, count = data.model, len(bodies)
+    rims = np.unique(model.body_parentid[bodies])
+    start = model.body_jntadr[rims[0]]
+    slip_hinges = [i for i in range(start, start + model.body_jntnum[rims[0]]) if i != joint]
+    is_position = model.sensor_type == mujoco.mjtSensor.mjSENS_JOINTPOS
+    encoders = np.flatnonzero(is_position & (model.sensor_objid == joint))
+    # Wheel angle at which each roller is at the bottom.
+    spokes = data.xpos[bodies] - data.xanchor[joint]
+    down = np.array([0.0, 0.0, -1.0])
+    angles = np.arctan2(np.cross(spokes, down) @ data.xaxis[joint], spokes @ down)
+    angles = angles + model.qpos0[model.jnt_qposadr[slip_hinges]].sum()
+    if count == RETAINED_ROLLERS:
+        rollers, phase, is_even = bodies[np.argsort(np.abs(angles))], 0.0, True
+    else:
+        pitch = 2 * np.pi / count
+        # Circular mean of the angles modulo the pitch.
+        phase = float(np.angle(np.exp(1j * angles * count).mean())) / count
+        positions = np.rint((angles - phase) / pitch).astype(int)
+        spacing_error = np.abs(angles - phase - positions * pitch).max()
+        positions %= count
+        is_even = spacing_error <= _MAX_SPACING_ERROR_RAD and len(set(positions)) == count
+        rollers = bodies[np.argsort(positions)]
+    return _Wheel(joint, motors, encoders, rims, slip_hinges, rollers, phase, is_even)
 
 
-def _find_parts(data: mujoco.MjData, chassis: int, motors: Ids) -> RobotIndices:
-    """Return the indices of the robot with a chassis and motors.
+def _find_gyros(data: mujoco.MjData, chassis: int) -> tuple[Ids, Ids]:
+    """Return the gyros on a chassis, and those of them whose z axis points up."""
+    model = data.model
+    gyros = np.flatnonzero(model.sensor_type == mujoco.mjtSensor.mjSENS_GYRO)
+    gyros = gyros[model.site_bodyid[model.sensor_objid[gyros]] == chassis]
+    return gyros, gyros[data.site_xmat[model.sensor_objid[gyros], 8] > 1 - 1e-6]
 
-    Raises:
-        OmniError: Parts are missing. One line per part.
-    """
-    model, errors = data.model, list[str]()
-    joints = model.actuator_trnid[motors, 0]
-    x, y, _ = (data.xanchor[joints] - data.xpos[chassis]).T
-    azimuths = np.degrees(np.arctan2(y, x))
-    order = np.argsort(np.round(azimuths, AZIMUTH_DIGITS) % 360, kind="stable")
-    motors, joints = motors[order], joints[order]
-    _check_chassis_and_joints(model, chassis, joints, errors)
-    rims, rollers, phases = zip(
-        *(_order_rollers(data, joint, errors) for joint in joints), strict=True
-    )
-    gyro = _find_gyro(data, chassis, errors)
-    encoders = [_find_encoder(model, joint, errors) for joint in joints]
-    counts = [len(wheel_rollers) for wheel_rollers in rollers]
-    slip_hinges = np.concatenate(
-        [find_slip_hinges(model, joint, rim) for joint, rim in zip(joints, rims, strict=True)]
-    ).astype(int)
-    if len(set(counts)) > 1:
-        errors.append(f"wheels with different numbers of rollers: {counts}")
-    if 0 < len(slip_hinges) < len(joints):
-        errors.append("some rims have a slip hinge, and some have none")
-    raise_errors(errors)
+
+def _list_missing_parts(
+    data: mujoco.MjData, wheels_by_chassis: Mapping[int, Sequence[_Wheel]]
+) -> Iterator[str]:
+    """Yield a line for each part that a robot lacks, with the element that is needed."""
+    model = data.model
+    for chassis, wheels in wheels_by_chassis.items():
+        name = repr(model.body(chassis).name)
+        is_free = model.jnt_type[model.body_jntadr[chassis]] == mujoco.mjtJoint.mjJNT_FREE
+        if model.body_jntnum[chassis] != 1 or not is_free:
+            yield f"the body {name}, which carries the wheels, has no <freejoint>"
+        if len(wheels) < MIN_COUNT:
+            yield f"{format_count(len(wheels), 'wheel')}; at least {MIN_COUNT} are needed"
+        gyros, upright_gyros = _find_gyros(data, chassis)
+        if not gyros.size:
+            yield f"no gyro; it is a <gyro> sensor on a site of the body {name}"
+        elif not upright_gyros.size:
+            yield "the z axis of the gyro's site must point up, like the robot's"
+        for wheel in wheels:
+            yield from _list_missing_parts_of_wheel(model, wheel)
+        counts = [len(wheel.rollers) for wheel in wheels]
+        if len(set(counts)) > 1:
+            yield f"wheels with different numbers of rollers: {counts}"
+        if len({bool(wheel.slip_hinges) for wheel in wheels}) > 1:
+            yield "some rims have a slip hinge, and some have none"
+
+
+def _list_missing_parts_of_wheel(model: mujoco.MjModel, wheel: _Wheel) -> Iterator[str]:
+    """Yield a line for each part that a wheel lacks or has twice."""
+    hinge = repr(model.joint(wheel.joint).name)
+    body = repr(model.body(model.jnt_bodyid[wheel.joint]).name)
+    if not wheel.motors.size:
+        yield f"{hinge} has rollers, but no <dcmotor> drives it: {_DCMOTOR_HINT}"
+    if wheel.motors.size > 1:
+        yield "two <dcmotor>s drive one hinge; leave one"
+    if wheel.rims.size > 1:
+        yield f"the rollers of the wheel {body} must be on one body, the wheel's or a rim on it"
+    if not wheel.is_even:
+        yield f"the {len(wheel.rollers)} rollers of the wheel {body} must be evenly spaced"
+    if not wheel.encoders.size:
+        yield f"no encoder on {hinge}; it is a <jointpos> sensor of that joint"
+
+
+def _index_robot(data: mujoco.MjData, chassis: int, wheels: Sequence[_Wheel]) -> RobotIndices:
+    """Return the indices of the robot with a chassis and wheels, of which no part is missing."""
+    model = data.model
+    joints = np.array([wheel.joint for wheel in wheels])
+    slip_hinges = np.array([hinge for wheel in wheels for hinge in wheel.slip_hinges], int)
+    rollers = np.array([wheel.rollers for wheel in wheels])
+    _, (gyro, *_) = _find_gyros(data, chassis)
     joint_of_qpos = np.repeat(np.arange(model.njnt), np.diff([*model.jnt_qposadr, model.nq]))
     is_own_joint = model.body_rootid[model.jnt_bodyid] == chassis
     return RobotIndices(
@@ -277,94 +360,13 @@ def _find_parts(data: mujoco.MjData, chassis: int, motors: Ids) -> RobotIndices:
         wheel_qpos=model.jnt_qposadr[joints],
         wheel_dofs=model.jnt_dofadr[joints],
         wheels=model.jnt_bodyid[joints],
-        rims=np.array(rims),
+        rims=np.array([wheel.rims[0] for wheel in wheels]),
         slip_qpos=model.jnt_qposadr[slip_hinges],
         slip_dofs=model.jnt_dofadr[slip_hinges],
-        rollers=np.array(rollers),
-        roller_dofs=model.body_dofadr[np.array(rollers)],
-        motors=motors,
-        encoders=np.array(encoders),
-        gyro=gyro,
-        phases=np.array(phases),
+        rollers=rollers,
+        roller_dofs=model.body_dofadr[rollers],
+        motors=np.array([wheel.motors[0] for wheel in wheels]),
+        encoders=np.array([model.sensor_adr[wheel.encoders[0]] for wheel in wheels]),
+        gyro=int(model.sensor_adr[gyro]) + 2,
+        phases=np.array([wheel.phase for wheel in wheels]),
     )
-
-
-def _check_chassis_and_joints(
-    model: mujoco.MjModel, chassis: int, joints: Ids, errors: list[str]
-) -> None:
-    """Append errors of the free joint, and of the number and the motors of the wheels."""
-    free_joint = model.body_jntadr[chassis]
-    is_free = model.jnt_type[free_joint] == mujoco.mjtJoint.mjJNT_FREE
-    if model.body_jntnum[chassis] != 1 or not is_free:
-        errors.append(
-            f"the body {model.body(chassis).name!r}, which carries the wheels, has no <freejoint>"
-        )
-    if len(joints) < MIN_COUNT:
-        errors.append(f"{format_count(len(joints), 'wheel')}; at least {MIN_COUNT} are needed")
-    if len(set(joints.tolist())) < len(joints):
-        errors.append("two <dcmotor>s drive one hinge; leave one")
-
-
-def _order_rollers(data: mujoco.MjData, joint: int, errors: list[str]) -> tuple[int, Ids, float]:
-    """Find the rollers of the wheel on a hinge.
-
-    Returns:
-        The rim that carries them, the rollers in the order in which they reach the bottom, and the
-        wheel angle at which the first one is there, rad.
-    """
-    model = data.model
-    wheel, bodies = model.jnt_bodyid[joint], _find_rollers(data, joint)
-    name, axle = model.body(wheel).name, data.xaxis[joint]
-    rims = np.unique(model.body_parentid[bodies])
-    if len(rims) > 1:
-        errors.append(
-            f"the rollers of the wheel {name!r} must be on one body, the wheel's or a rim on it"
-        )
-    rim = rims[0]
-    # Wheel angle at which each roller is at the bottom.
-    spokes = data.xpos[bodies] - data.xanchor[joint]
-    down = np.array([0.0, 0.0, -1.0])
-    angles = np.arctan2(np.cross(spokes, down) @ axle, spokes @ down)
-    slip_hinges = find_slip_hinges(model, joint, rim)
-    angles = angles + model.qpos0[model.jnt_qposadr[slip_hinges]].sum()
-    count = len(bodies)
-    if count == RETAINED_ROLLERS:
-        return rim, bodies[np.argsort(np.abs(angles))], 0.0
-    pitch = 2 * np.pi / count
-    # Circular mean of the angles modulo the pitch.
-    phase = float(np.angle(np.exp(1j * angles * count).mean())) / count
-    positions = np.rint((angles - phase) / pitch).astype(int)
-    spacing_error = np.abs(angles - phase - positions * pitch).max()
-    positions %= count
-    if spacing_error > _MAX_SPACING_ERROR_RAD or len(set(positions)) < count:
-        errors.append(f"the {count} rollers of the wheel {name!r} must be evenly spaced")
-    return rim, bodies[np.argsort(positions)], phase
-
-
-def _find_encoder(model: mujoco.MjModel, joint: int, errors: list[str]) -> int:
-    """Return the address in sensordata of the encoder of a wheel's hinge, or -1 and an error."""
-    is_position = model.sensor_type == mujoco.mjtSensor.mjSENS_JOINTPOS
-    is_encoder = is_position & (model.sensor_objid == joint)
-    if not is_encoder.any():
-        errors.append(
-            f"no encoder on {model.joint(joint).name!r}; it is a <jointpos> sensor of that joint"
-        )
-        return -1
-    return int(model.sensor_adr[np.argmax(is_encoder)])
-
-
-def _find_gyro(data: mujoco.MjData, chassis: int, errors: list[str]) -> int:
-    """Return the address in sensordata of the turn rate of a gyro, or -1 and an error."""
-    model = data.model
-    gyros = np.flatnonzero(model.sensor_type == mujoco.mjtSensor.mjSENS_GYRO)
-    sites = model.sensor_objid[gyros]
-    on_chassis = np.flatnonzero(model.site_bodyid[sites] == chassis)
-    is_upright = data.site_xmat[sites[on_chassis], 8] > 1 - 1e-6
-    if not on_chassis.size:
-        errors.append(
-            f"no gyro; it is a <gyro> sensor on a site of the body {model.body(chassis).name!r}"
-        )
-        return -1
-    if not is_upright.any():
-        errors.append("the z axis of the gyro's site must point up, like the robot's")
-    return int(model.sensor_adr[gyros[on_chassis[np.argmax(is_upright)]]]) + 2
