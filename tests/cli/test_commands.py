@@ -10,21 +10,15 @@ from itertools import pairwise
 from pathlib import Path
 
 import pytest
-from commands import invoke, list_names, strict
+from commands import BARE, SHORT, invoke, list_names, run_python, strict
 
 import omni_mj as om
 
 ROOT = Path(__file__).parents[2]
-SHORT = (
-    "--set",
-    "reference.waypoints=[[0, 0, 0], [0.2, 0.1, 0.3]]",
-    "--set",
-    "reference.settle_s=0.1",
-)
 HEAVY = ("mujoco", "scipy", "pyarrow", "rerun", "matplotlib", "jinja2", "numpy", "pydantic")
 
 
-def printed(capsys: pytest.CaptureFixture[str], *words: str) -> str:
+def printed(capsys: pytest.CaptureFixture[str], *words: object) -> str:
     capsys.readouterr()
     assert invoke(*words) == 0
     return capsys.readouterr().out
@@ -37,16 +31,14 @@ def test_help_version_and_lists_import_nothing_heavy() -> None:
         f"try: main.main()\nfinally: print('heavy:', *[m for m in {HEAVY} if m in sys.modules])"
     )
     for words, allowed in (
-        (("--help",), set()),
-        (("--version",), set()),
-        (("list", "scenarios"), set()),
-        (("run", "--help"), set()),
-        (("list",), {"numpy", "pydantic"}),
-        (("schema",), {"numpy", "pydantic", "scipy"}),
+        ("--help", set()),
+        ("--version", set()),
+        ("list scenarios", set()),
+        ("run --help", set()),
+        ("list", {"numpy", "pydantic"}),
+        ("schema", {"numpy", "pydantic", "scipy"}),
     ):
-        done = subprocess.run(
-            [sys.executable, "-c", code, *words], capture_output=True, text=True, timeout=60
-        )
+        done = run_python(words, code=code)
         assert (done.returncode, done.stderr) == (0, ""), words
         assert set(done.stdout.splitlines()[-1].split()[1:]) <= allowed, words
 
@@ -63,12 +55,9 @@ def test_an_interrupt_during_an_import_is_an_interrupt(tmp_path: Path) -> None:
     ):
         (tmp_path / module).mkdir()
         (tmp_path / module / f"{module}.py").write_text(text)
-        done = subprocess.run(
-            [sys.executable, "-m", "omni_mj", "list"],
+        done = run_python(
+            "-m omni_mj list",
             env=os.environ | {"PYTHONPATH": str(tmp_path / module)},
-            capture_output=True,
-            text=True,
-            timeout=60,
             preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
         )
         assert (done.returncode, done.stderr) == (code, message)
@@ -127,17 +116,8 @@ def test_help_names_every_command_and_its_examples_parse(
     assert printed(capsys) == out
     assert printed(capsys, "--version") == f"omni-mj {om.__version__}\n"
     commands = re.findall(r"^  ([a-z]+)  ", out, re.MULTILINE)
-    assert {
-        "run",
-        "compare",
-        "sweep",
-        "limit",
-        "identify",
-        "serve",
-        "drive",
-        "verify",
-        "list",
-    } <= set(commands)
+    known = "run compare sweep limit identify serve drive verify list"
+    assert set(known.split()) <= set(commands)
     for name in commands:
         assert printed(capsys, name, "--help").startswith(f"Usage: omni-mj {name}")
     examples = re.findall(r"^  (omni-mj [a-z]+ .*)$", out, re.MULTILINE)
@@ -159,25 +139,25 @@ def test_help_names_every_command_and_its_examples_parse(
 @pytest.mark.parametrize(
     ("words", "expected_error"),
     [
-        (["comapre"], "did you mean 'compare'?"),
-        (["rect"], "no such command 'rect'"),
-        (["run", "rect"], "unexpected extra argument (rect); see omni-mj run --help"),
-        (["run", "--scenrio", "rect"], "did you mean '--scenario'?"),
-        (["show", "tigers-v2061"], "did you mean 'tigers-v2016'?"),
-        (["show", "nowhere.toml"], "nowhere.toml cannot be read"),
-        (["show", "lqr", "--set", "radio.delay_frames=1"], "lqr is a controller"),
-        (["list", "fricton"], "did you mean 'friction'"),
-        (["list", "robot", "tiger2016"], "did you mean 'tigers-v2016'?"),
-        (["list", "scenarois", "rect"], "did you mean 'scenarios'?"),
-        (["new", "robt", "mine"], "'robt' is not one of"),
-        (["new", "robot", "2nd"], "got '2nd'"),
-        (["new", "scenario", "no/where"], "cannot write no"),
+        ("comapre", "did you mean 'compare'?"),
+        ("rect", "no such command 'rect'"),
+        ("run rect", "unexpected extra argument (rect); see omni-mj run --help"),
+        ("run --scenrio rect", "did you mean '--scenario'?"),
+        ("show tigers-v2061", "did you mean 'tigers-v2016'?"),
+        ("show nowhere.toml", "nowhere.toml cannot be read"),
+        ("show lqr --set radio.delay_frames=1", "lqr is a controller"),
+        ("list fricton", "did you mean 'friction'"),
+        ("list robot tiger2016", "did you mean 'tigers-v2016'?"),
+        ("list scenarois rect", "did you mean 'scenarios'?"),
+        ("new robt mine", "'robt' is not one of"),
+        ("new robot 2nd", "got '2nd'"),
+        ("new scenario no/where", "cannot write no"),
     ],
 )
 def test_mistyped_words_give_one_line(
-    words: list[str], expected_error: str, capsys: pytest.CaptureFixture[str]
+    words: str, expected_error: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert invoke(*words) == 2
+    assert invoke(words) == 2
     out, err = capsys.readouterr()
     assert (out, err.count("\n")) == ("", 1)
     assert expected_error.casefold() in err.casefold()
@@ -185,7 +165,7 @@ def test_mistyped_words_give_one_line(
 
 def test_a_word_finds_the_lines_of_a_list(capsys: pytest.CaptureFixture[str]) -> None:
     all_lists = printed(capsys, "list")
-    for name in (
+    for name in [
         "rect-noise",
         "comp-flc",
         "kinematic",
@@ -193,17 +173,17 @@ def test_a_word_finds_the_lines_of_a_list(capsys: pytest.CaptureFixture[str]) ->
         "radio.delay_frames",
         "V s/rad",
         "0.826",
-    ):
+    ]:
         assert name in all_lists
     assert max(map(len, all_lists.splitlines())) <= 140
-    matching_lines = printed(capsys, "list", "settings", "FRICTION")
+    matching_lines = printed(capsys, "list settings FRICTION")
     assert {"carpet.friction", "carpet.patches", "reference.assumed_friction"} <= set(
         re.findall(r"^  (\S+)", matching_lines, re.MULTILINE)
     )
     assert "radio.delay_frames" not in matching_lines
     kinds = [
         line.split()[:3]
-        for line in printed(capsys, "list", "faults", "push").splitlines()[1:]
+        for line in printed(capsys, "list faults push").splitlines()[1:]
         if line.strip()
     ]
     assert ["kind", "=", "push"] in kinds
@@ -227,7 +207,7 @@ def test_robots_changes_and_controllers_are_shown(
         assert om.load_robot(tmp_path / "shown.toml").settings == om.load_robot(name).settings
         assert om.load_robot(tmp_path / "shown.toml").description == om.load_robot(name).description
         assert printed(capsys, "show", str(tmp_path / "shown.toml")) == text
-    out = printed(capsys, "show", "rect", "--robot", "ssl-a-team", "--set", "radio.delay_frames=9")
+    out = printed(capsys, "show rect --robot ssl-a-team --set radio.delay_frames=9")
     assert 'robot = "ssl-a-team"' in out
     assert re.search(r"^delay_frames = 9 +# \(default 6\) \[frames\] ", out, re.MULTILINE)
     assert re.search(r"^mass_kg = [\d.]+ +# \[kg\] mass$", out, re.MULTILINE)
@@ -240,9 +220,9 @@ def test_starters_run(
 ) -> None:
     """New scenarios, also with their commented lines, controllers and robots can be run."""
     monkeypatch.chdir(tmp_path)
-    bare = ("--plant", "kinematic", "--no-figures", "--no-record", "--quiet")
-    assert invoke("new", "scenario", "track.toml") == 0
-    assert invoke("run", "--scenario", "track.toml", *bare, "--out", "track") == 0
+    bare = f"--plant kinematic {BARE}"
+    assert invoke("new scenario track.toml") == 0
+    assert invoke("run --scenario track.toml", bare, "--out track") == 0
     text = re.sub(r"^# (?=\w+ = |\[)", "", Path("track.toml").read_text(), flags=re.MULTILINE)
     Path("all.toml").write_text(
         text.replace('plant = "kinematic"', "").replace(', "mine.py:Mine"', "")
@@ -255,24 +235,21 @@ def test_starters_run(
     )
     assert [fault.kind for fault in scenario.settings.fault] == ["push"]
 
-    drive = printed(capsys, "new", "controller", "my_first-one").partition("omni-mj ")[2].split()
-    assert " ".join(drive) in Path("my_first-one.py").read_text()
+    drive = printed(capsys, "new controller my_first-one").partition("omni-mj ")[2].strip()
+    assert drive in Path("my_first-one.py").read_text()
     assert "--set controller.MyFirstOne.gain=4.0\n" in printed(
-        capsys, "show", "my_first-one.py:MyFirstOne"
+        capsys, "show my_first-one.py:MyFirstOne"
     )
-    assert invoke(*drive, *SHORT, *bare, "--out", "out") == 0
-    matching_lines = strict(tmp_path / "out" / "summary.json")["scenarios"]["rect"]["results"][
-        "MyFirstOne"
-    ]
-    assert (
-        0 < matching_lines["error_m"]["position"]["max"]["mean"] < 0.2
-    )  # m: it follows a route of 0.22 m
+    assert invoke(drive, SHORT, bare, "--out out") == 0
+    results = strict(tmp_path / "out" / "summary.json")["scenarios"]["rect"]["results"]
+    error = results["MyFirstOne"]["error_m"]["position"]["max"]["mean"]
+    assert 0 < error < 0.2  # m: it follows a route of 0.22 m
 
-    assert invoke("new", "robot", "mine") == 0
+    assert invoke("new robot mine") == 0
     assert om.load_robot("mine.toml").settings == om.load_robot("tigers-v2016").settings
-    assert invoke("new", "robot", "mine") == 2
+    assert invoke("new robot mine") == 2
     assert "mine.toml exists" in capsys.readouterr().err
-    assert invoke("new", "robot", "mine", "--overwrite") == 0
+    assert invoke("new robot mine --overwrite") == 0
 
 
 @pytest.mark.parametrize(
@@ -298,23 +275,20 @@ def test_closed_output_is_no_error_and_lost_output_is(streams: str, code: int, e
 @pytest.mark.parametrize(
     ("words", "expected_error"),
     [
-        (("alpha", "--set", "radio.delay=1"), "did you mean 'radio.delay_frames'"),
-        (("alpha", "--robot", "nobody"), "unknown robot 'nobody'"),
-        (("slip", "--robot", "tigers"), "unknown robot 'tigers'"),
-        (("loop", "--controller", "pp"), "unknown controller 'pp'"),
-        (("loop", "--scenario", "rekt"), "unknown scenario 'rekt'"),
-        (
-            ("compare", "--scenario", "rect", "--scenario", "rect"),
-            "two scenarios are called 'rect'",
-        ),
-        (("compare", "--subject", "comp-fcl"), "did you mean 'comp-flc'"),
-        (("compare", "--seeds", "0"), "1 to 100000"),
+        ("alpha --set radio.delay=1", "did you mean 'radio.delay_frames'"),
+        ("alpha --robot nobody", "unknown robot 'nobody'"),
+        ("slip --robot tigers", "unknown robot 'tigers'"),
+        ("loop --controller pp", "unknown controller 'pp'"),
+        ("loop --scenario rekt", "unknown scenario 'rekt'"),
+        ("compare --scenario rect --scenario rect", "two scenarios are called 'rect'"),
+        ("compare --subject comp-fcl", "did you mean 'comp-flc'"),
+        ("compare --seeds 0", "1 to 100000"),
     ],
 )
 def test_invalid_input_of_studies_is_one_line_and_leaves_no_folder(
-    words: tuple[str, ...], expected_error: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    words: str, expected_error: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert invoke(*words, "--out", tmp_path / "out") == 2
+    assert invoke(words, "--out", tmp_path / "out") == 2
     printed_error = capsys.readouterr().err
     assert expected_error in printed_error
     assert printed_error.count("\n") == 1

@@ -41,31 +41,21 @@ class Cheat(om.Controller):
 
 
 @pytest.fixture
-def options(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> list[str]:
+def options(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> str:
     """Write scenarios and a controller; return the options of a comparison of them."""
     monkeypatch.chdir(tmp_path)
     for name, text in SCENARIOS.items():
         Path(f"{name}.toml").write_text(text)
     Path("own.py").write_text(OWN)
-    words = [word for name in (*CONTROLLERS, "own.py:Cheat") for word in ("--controller", name)]
-    return [
-        *words,
-        "--plant",
-        "kinematic",
-        "--seeds",
-        str(SEEDS),
-        "--seed",
-        str(FIRST),
-        "--subject",
-        "comp-flc",
-    ]
+    controllers = "--controller flc --controller comp-flc --controller own.py:Cheat"
+    return f"{controllers} --plant kinematic --seeds {SEEDS} --seed {FIRST} --subject comp-flc"
 
 
 def test_a_comparison_repeats_and_a_failed_row_is_one_line(
-    options: list[str], capsys: pytest.CaptureFixture[str]
+    options: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    words = [*options, *(word for name in SCENARIOS for word in ("--scenario", f"{name}.toml"))]
-    assert invoke("compare", *words, "--out", "first") == 1
+    words = " ".join([f"compare {options}", *(f"--scenario {name}.toml" for name in SCENARIOS)])
+    assert invoke(words, "--out first") == 1
     printed, errors = capsys.readouterr()
     assert errors.count("\n") == SEEDS
     assert "Cheat failed in frame 0 (own.py, line 10)" in errors.splitlines()[0]
@@ -80,7 +70,7 @@ def test_a_comparison_repeats_and_a_failed_row_is_one_line(
         assert text in Path("first/compare.md").read_text()
     assert imread("first/compare.png").std() > 0.05
 
-    assert invoke("compare", *words, "--quiet", "--trajectories", "--out", "second") == 1
+    assert invoke(words, "--quiet --trajectories --out second") == 1
     assert capsys.readouterr() == ("", errors)
     again = strict(Path("second/summary.json"))
     for summary in (result, again):
@@ -99,22 +89,14 @@ def test_a_comparison_repeats_and_a_failed_row_is_one_line(
 
 
 def test_a_signal_keeps_the_finished_scenarios(
-    options: list[str], capsys: pytest.CaptureFixture[str]
+    options: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     Path("endless.toml").write_text(
         "[reference]\nwaypoints = [[0, 0], [1, 0], [0, 0]]\nlaps = 1000\n"
     )
     with signalled(signal.SIGTERM, Path("out/compare.md")):  # after the first scenario
-        code = invoke(
-            "compare",
-            *options,
-            "--scenario",
-            "there.toml",
-            "--scenario",
-            "endless.toml",
-            "--out",
-            "out",
-        )
+        scenarios = "--scenario there.toml --scenario endless.toml"
+        code = invoke("compare", options, scenarios, "--out out")
     assert code == 143
     assert "1 of 2 scenarios in out" in capsys.readouterr().err.splitlines()[-1]
     result = strict(Path("out/summary.json"))

@@ -16,6 +16,7 @@ from pathlib import Path
 
 import click
 import pytest
+from commands import run_python
 
 from omni_mj.cli.main import cli
 from omni_mj.config.settings import list_settings
@@ -166,13 +167,6 @@ def test_data_has_a_source_and_a_page() -> None:
 def test_examples_are_short_and_run(example: Path, tmp_path: Path) -> None:
     """At most 30 lines each; what it prints is not checked, but it prints something."""
     assert len(example.read_text(encoding="utf-8").splitlines()) <= 30
-    done = subprocess.run(
-        [sys.executable, example],
-        cwd=tmp_path,
-        capture_output=True,
-        text=True,
-        timeout=120,
-        check=False,
-    )
+    done = run_python(example, cwd=tmp_path, timeout=120)
     assert (done.returncode, done.stderr) == (0, "")
     assert done.stdout

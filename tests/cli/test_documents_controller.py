@@ -5,7 +5,7 @@ import re
 from pathlib import Path
 
 import pytest
-from commands import invoke
+from commands import BARE, invoke
 
 PAGE = Path(__file__).parents[2] / "docs" / "how-to" / "write-a-controller.md"
 LINES = 20  # of the example; blank ones do not count
@@ -27,17 +27,13 @@ def test_the_example_keeps_an_ideal_robot_on_the_reference(
     (tmp_path / "mine.py").write_text(example(), encoding="utf-8")
     name = re.search(r"^class (\w+)\((?:om\.)?Controller\)", example(), re.MULTILINE)
     assert name is not None
-    exact = [
-        "kinematic.alpha_low=1", "kinematic.alpha_high=1",
-        "vision.position_noise_m=0", "vision.heading_noise_rad=0", "vision.miss_probability=0",
-    ]  # fmt: skip
-    words = [
-        "run", "--scenario", "rect", "--plant", "kinematic", "--controller", f"mine.py:{name[1]}",
-        "--no-record", "--no-figures", "--quiet", "--out", "out",
-    ]  # fmt: skip
-    words += [word for setting in exact for word in ("--set", setting)]
+    exact = (
+        "--set kinematic.alpha_low=1 --set kinematic.alpha_high=1 --set vision.position_noise_m=0 "
+        "--set vision.heading_noise_rad=0 --set vision.miss_probability=0"
+    )
+    run = f"run --scenario rect --plant kinematic --controller mine.py:{name[1]}"
     monkeypatch.chdir(tmp_path)
-    assert invoke(*words) == 0
+    assert invoke(run, exact, BARE, "--out out") == 0
     entry = json.loads((tmp_path / "out" / "summary.json").read_text())["scenarios"]["rect"]
     error = entry["results"][name[1]]["error_m"]
     # Roundings of metres.

@@ -9,16 +9,7 @@ from commands import invoke, strict
 from matplotlib.image import imread
 
 SEEDS, FIRST = 2, 3
-COMMON = (
-    "--plant",
-    "kinematic",
-    "--set",
-    "reference.settle_s=0.1",
-    "--seeds",
-    SEEDS,
-    "--seed",
-    FIRST,
-)
+COMMON = f"--plant kinematic --set reference.settle_s=0.1 --seeds {SEEDS} --seed {FIRST}"
 
 
 @pytest.fixture(scope="module")
@@ -33,7 +24,7 @@ def limited(tiny: Path, tmp_path_factory: pytest.TempPathFactory) -> tuple[Path,
     """Run the command; return its folder and the printed text."""
     out = tmp_path_factory.mktemp("limited") / "out"
     with redirect_stdout(StringIO()) as printed:
-        assert invoke("limit", tiny, *COMMON, "--iterations", 2, "--out", out) == 0
+        assert invoke("limit", tiny, COMMON, "--iterations 2 --out", out) == 0
     return out, printed.getvalue()
 
 
@@ -60,13 +51,13 @@ def test_limit_prints_a_table_and_saves_files(
 
 def test_invalid_input_is_one_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     for words, expected_error in (
-        (("rekt",), "did you mean 'rect'"),
-        (("rect", "--robot", "tigers"), "unknown robot 'tigers'"),
-        (("rect", "--iterations", 1), "iterations must be at least 2, got 1"),
-        (("rect", "--seeds", 0), "seeds"),
-        (("rect", "--set", "world.start_poses=[[0,0,0],[0,1,0]]"), "has 2 poses"),
-        ((), "Missing argument"),
+        ("rekt", "did you mean 'rect'"),
+        ("rect --robot tigers", "unknown robot 'tigers'"),
+        ("rect --iterations 1", "iterations must be at least 2, got 1"),
+        ("rect --seeds 0", "seeds"),
+        ("rect --set world.start_poses=[[0,0,0],[0,1,0]]", "has 2 poses"),
+        ("", "Missing argument"),
     ):
-        assert invoke("limit", *words, "--out", tmp_path / "bad") == 2
+        assert invoke("limit", words, "--out", tmp_path / "bad") == 2
         assert expected_error in capsys.readouterr().err
     assert not (tmp_path / "bad").exists()

@@ -9,13 +9,11 @@ from types import SimpleNamespace
 
 import pyarrow.parquet as pq
 import pytest
-from commands import appears, invoke, signalled, strict
+from commands import BARE, SHORT, appears, invoke, signalled, strict
 from rerun.chunk import RrdReader
 
 PROGRAM = [sys.executable, "-m", "omni_mj.run"]
-SHORT = ("--set", "reference.waypoints=[[0, 0], [0.1, 0]]", "--set", "reference.settle_s=0.1")
-KINEMATIC = ("run", "--scenario", "rect", "--plant", "kinematic", *SHORT, "--controller", "flc")
-BARE = ("--quiet", "--no-record", "--no-figures")
+KINEMATIC = f"run --scenario rect --plant kinematic {SHORT} --controller flc"
 FILES = {
     "summary.json",
     "trajectory.parquet",
@@ -23,8 +21,9 @@ FILES = {
     "scenario.toml",
     "figures",
     "report.html",
+    "provenance.json",
+    "sources",
 }
-FILES |= {"provenance.json", "sources"}
 
 
 def is_whole(folder: Path) -> bool:
@@ -48,7 +47,7 @@ def test_a_run_prints_the_table_and_where_its_files_are(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    assert invoke("run", "--scenario", "rect", "--plant", "planar", *SHORT) == 0
+    assert invoke("run --scenario rect --plant planar", SHORT) == 0
     (folder,) = (tmp_path / "runs").iterdir()
     assert folder.name.startswith("rect-")
     assert {p.name for p in folder.iterdir()} == FILES
@@ -75,25 +74,12 @@ def test_the_effective_scenario_repeats_the_run_bit_for_bit(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """--quiet prints nothing; --no-record and --no-figures leave files out."""
-    options = (
-        "--seed",
-        7,
-        "--seeds",
-        2,
-        "--controller",
-        "comp-flc",
-        "--set",
-        "radio.delay_frames=3",
-    )
+    options = "--seed 7 --seeds 2 --controller comp-flc --set radio.delay_frames=3"
     for plant in ("kinematic", "mujoco"):
         a, b = tmp_path / plant / "a", tmp_path / plant / "b"
-        assert (
-            invoke(
-                "--scenario", "rect-noise", *SHORT, "--plant", plant, *options, *BARE, "--out", a
-            )
-            == 0
-        )
-        assert invoke("--scenario", a / "scenario.toml", *BARE, "--out", b) == 0
+        words = f"--scenario rect-noise {SHORT} --plant {plant} {options} {BARE} --out"
+        assert invoke(words, a) == 0
+        assert invoke("--scenario", a / "scenario.toml", BARE, "--out", b) == 0
         assert {p.name for p in a.iterdir()} == FILES - {"recording.rrd", "figures"}
         frames_a, frames_b = (pq.read_table(folder / "trajectory.parquet") for folder in (a, b))
         assert frames_a.num_rows > 0
@@ -118,19 +104,8 @@ def test_faults_appear_in_table_summary_report_and_recording(
         'plant = "kinematic"\n[reference]\nwaypoints = [[0, 0], [0.2, 0]]\n\n' + faults
     )
     out = tmp_path / "out"
-    assert (
-        invoke(
-            "run",
-            "--scenario",
-            tmp_path / "met.toml",
-            "--controller",
-            "flc",
-            "--no-figures",
-            "--out",
-            out,
-        )
-        == 0
-    )
+    scenario = tmp_path / "met.toml"
+    assert invoke("run --controller flc --no-figures --scenario", scenario, "--out", out) == 0
     printed = capsys.readouterr().out
     assert "largest error" in printed
     assert "radio-delay (delay_frames = 9), from 0.4 s on" in printed
@@ -173,7 +148,7 @@ def test_each_invalid_input_is_one_line_with_the_allowed_values(
         ("--scenario rect --set fault.start_s=3", "fault"),
         ("--scenario rect --sead 3", "--seed"),
     ):
-        assert invoke("run", *arguments.split(), "--out", tmp_path / "run") == 2
+        assert invoke("run", arguments, "--out", tmp_path / "run") == 2
         printed = capsys.readouterr()
         lines = printed.err.splitlines()
         assert len(lines) == len(expected_errors), arguments
@@ -185,15 +160,7 @@ def test_each_invalid_input_is_one_line_with_the_allowed_values(
 
 # What ends it.
 
-ENDLESS = (
-    "--scenario",
-    "rect",
-    "--plant",
-    "kinematic",
-    "--set",
-    "reference.laps=60",
-    "--no-figures",
-)
+ENDLESS = "--scenario rect --plant kinematic --set reference.laps=60 --no-figures --out"
 
 
 def keeps_what_it_recorded(out: Path, stderr: str) -> None:
@@ -209,13 +176,12 @@ def keeps_what_it_recorded(out: Path, stderr: str) -> None:
 def test_an_interrupted_run_keeps_what_it_recorded(tmp_path: Path) -> None:
     """In a separate process, as in a terminal."""
     process = subprocess.Popen(
-        [*PROGRAM, *ENDLESS, "--out", str(tmp_path / "out")],
+        [*PROGRAM, *ENDLESS.split(), tmp_path / "out"],
         stderr=subprocess.PIPE,
         stdout=subprocess.DEVNULL,
         text=True,
-        preexec_fn=lambda: signal.signal(
-            signal.SIGINT, signal.SIG_DFL
-        ),  # a background job ignores it
+        # A background job ignores it.
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
     )
     assert appears(tmp_path / "out" / "recording.rrd")
     process.send_signal(signal.SIGINT)
@@ -229,7 +195,7 @@ def test_other_signals_keep_the_recorded_frames_too(
     number: int, code: int, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     with signalled(number, tmp_path / "out" / "recording.rrd"):
-        assert invoke("run", *ENDLESS, "--out", tmp_path / "out") == code
+        assert invoke("run", ENDLESS, tmp_path / "out") == code
     keeps_what_it_recorded(tmp_path / "out", capsys.readouterr().err)
 
 
@@ -238,7 +204,7 @@ def test_a_killed_run_is_marked_unfinished_and_can_be_overwritten(
 ) -> None:
     """After SIGKILL, the folder has a summary that says so and no complete files."""
     out = tmp_path / "out"
-    process = subprocess.Popen([*PROGRAM, *ENDLESS, "--no-record", "--quiet", "--out", str(out)])
+    process = subprocess.Popen([*PROGRAM, "--no-record", "--quiet", *ENDLESS.split(), out])
     assert appears(out / "scenario.toml")
     process.kill()
     process.wait()
@@ -248,28 +214,20 @@ def test_a_killed_run_is_marked_unfinished_and_can_be_overwritten(
     assert invoke("verify", out) == 2
     assert "nothing to compare with" in capsys.readouterr().err
     assert invoke("report", out) == 0
-    assert invoke(*KINEMATIC, *BARE, "--overwrite", "--out", out) == 0
+    assert invoke(KINEMATIC, BARE, "--overwrite --out", out) == 0
     assert is_whole(out)
 
 
 def test_a_full_disk_is_one_line_and_keeps_the_files_that_fit(tmp_path: Path) -> None:
     """A limit on file sizes stands in for a full disk: the recording does not fit."""
-    route = "reference.waypoints=[[0, 0], [1, 0], [0, 0]]"
-    options = [
-        "--scenario",
-        "rect",
-        "--plant",
-        "kinematic",
-        "--set",
-        route,
-        "--controller",
-        "flc",
-        "--quiet",
-    ]
-    options += ["--no-figures", "--out", str(tmp_path / "run")]
+    options = "--scenario rect --plant kinematic --controller flc --quiet --no-figures"
+    options += " --set reference.waypoints=[[0,0],[1,0],[0,0]] --out"
     limited = 'ulimit -f 150; exec "$0" "$@"'  # units of 1 KiB
     done = subprocess.run(
-        ["bash", "-c", limited, *PROGRAM, *options], capture_output=True, text=True, timeout=120
+        ["bash", "-c", limited, *PROGRAM, *options.split(), tmp_path / "run"],
+        capture_output=True,
+        text=True,
+        timeout=120,
     )
     assert done.returncode == 1
     assert "Traceback" not in done.stderr
@@ -300,7 +258,7 @@ def test_failing_to_draw_loses_no_numbers(
         raise error
 
     monkeypatch.setattr("omni_mj.viz.run_figures.save_run_figures", fails)
-    assert invoke(*KINEMATIC, "--no-record", "--out", tmp_path / "out") == code
+    assert invoke(KINEMATIC, "--no-record --out", tmp_path / "out") == code
     printed = capsys.readouterr()
     assert "position" in printed.out
     assert printed.err.startswith(f"error: {expected_errors}")
@@ -313,7 +271,7 @@ def test_a_recording_reserves_disk_space_for_the_numbers(
 ) -> None:
     """With too little disk space, the recording ends with one message."""
     monkeypatch.setattr(shutil, "disk_usage", lambda folder: SimpleNamespace(total=1e9, free=1e6))
-    assert invoke(*KINEMATIC, "--quiet", "--no-figures", "--out", tmp_path / "out") == 1
+    assert invoke(KINEMATIC, "--quiet --no-figures --out", tmp_path / "out") == 1
     err = capsys.readouterr().err
     assert "the recording could not be written to its end" in err
     assert err.count("\n") == 1
@@ -334,11 +292,11 @@ def test_a_folder_of_other_files_is_never_overwritten(
     if mark is not None:
         (tmp_path / "provenance.json").write_text(mark)
     old_contents = contents(tmp_path)
-    for further_words, expected_errors in (
-        ((), "--overwrite"),
-        (("--overwrite",), "was not created by a run"),
+    for option, expected_errors in (
+        ("", "--overwrite"),
+        ("--overwrite", "was not created by a run"),
     ):
-        assert invoke(*KINEMATIC, *BARE, "--out", tmp_path, *further_words) == 2
+        assert invoke(KINEMATIC, BARE, option, "--out", tmp_path) == 2
         err = capsys.readouterr().err
         assert expected_errors in err
         assert err.count("\n") == 1
@@ -353,12 +311,12 @@ def test_overwriting_removes_the_files_of_the_earlier_run(tmp_path: Path) -> Non
         "        return 0 * observation.pose\n"
     )
     out = tmp_path / "out"
-    run = (*KINEMATIC, "--no-record", "--quiet", "--out", out)
-    assert invoke(*run, "--controller", f"{tmp_path / 'mine.py'}:Mine") == 0
+    run = KINEMATIC, "--no-record --quiet --out", out
+    assert invoke(*run, f"--controller {tmp_path}/mine.py:Mine") == 0
     old_contents = contents(out)
     assert {"figures/path.png", "sources/mine.py", "report.html"} <= set(old_contents)
-    for wrong in (("--set", "radio.delay=3"), ("--controller", "fcl"), ("--connect", "nowhere")):
-        assert invoke(*run, "--overwrite", *wrong) == 2
+    for wrong in ("--set radio.delay=3", "--controller fcl", "--connect nowhere"):
+        assert invoke(*run, "--overwrite", wrong) == 2
         assert contents(out) == old_contents
     (out / "old").mkdir()
     precious = {"notes.txt", "summary.json.bak", "old/summary.json"}
@@ -366,7 +324,7 @@ def test_overwriting_removes_the_files_of_the_earlier_run(tmp_path: Path) -> Non
         (out / name).write_text("precious")
     shutil.move(out / "sources", tmp_path / "elsewhere")
     (out / "sources").symlink_to(tmp_path / "elsewhere")
-    assert invoke(*run, "--no-figures", "--overwrite") == 0
+    assert invoke(*run, "--no-figures --overwrite") == 0
     new_contents = contents(out)
     assert {name: new_contents[name] for name in precious} == dict.fromkeys(precious, b"precious")
     assert set(new_contents) - precious == {
@@ -381,6 +339,6 @@ def test_folders_may_have_any_name(
 ) -> None:
     """None is mistaken for a URL. Its files can be read, and the run repeats."""
     monkeypatch.chdir(tmp_path)
-    assert invoke(*KINEMATIC, *BARE, "--out", name) == 0
+    assert invoke(KINEMATIC, BARE, "--out", Path(name)) == 0
     assert is_whole(Path(name))
-    assert invoke("verify", name, "--quiet") == 0
+    assert invoke("verify", Path(name), "--quiet") == 0

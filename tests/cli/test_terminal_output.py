@@ -8,8 +8,10 @@ import subprocess
 import sys
 import unicodedata
 from pathlib import Path
+from typing import Any
 
 import pytest
+from commands import SHORT, run_python
 
 import omni_mj as om
 from omni_mj.io.printable_text import PrintableOutput, join_words
@@ -30,20 +32,13 @@ class Mine(om.Controller):
             raise ValueError("lost {HOSTILE}")
         return 0 * observation.pose
 '''
-SHORT = ("--set", "reference.waypoints=[[0,0],[0.1,0]]", "--set", "reference.settle_s=0.1")
-RUN = ("run", "--scenario", "rect", "--plant", "kinematic", *SHORT, "--no-figures", "--no-record")
+RUN = f"run --scenario rect --plant kinematic {SHORT} --no-figures --no-record"
 
 
-def program(*words: str, cwd: Path, encoding: str = "utf-8") -> subprocess.CompletedProcess[bytes]:
+def program(*words: object, cwd: Path, encoding: str = "utf-8") -> subprocess.CompletedProcess[Any]:
     """Run omni-mj in a process whose standard streams have an encoding."""
-    return subprocess.run(
-        [sys.executable, "-m", "omni_mj", *words],
-        cwd=cwd,
-        env=os.environ | {"PYTHONIOENCODING": encoding},
-        capture_output=True,
-        timeout=60,
-        check=False,
-    )
+    environment = os.environ | {"PYTHONIOENCODING": encoding}
+    return run_python("-m omni_mj", *words, cwd=cwd, env=environment, text=False)
 
 
 @pytest.fixture(scope="module")
@@ -56,7 +51,7 @@ def summary() -> dict[str, object]:
 
 def test_a_run_is_complete_whatever_the_encoding(tmp_path: Path) -> None:
     """The encoding lacks degrees and dashes. Nothing but the spelling changes."""
-    done = program(*RUN, "--controller", "flc", "--out", "r", cwd=tmp_path, encoding="ascii")
+    done = program(RUN, "--controller flc --out r", cwd=tmp_path, encoding="ascii")
     assert (done.returncode, done.stderr) == (0, b"")
     assert (tmp_path / "r" / "report.html").exists()
     assert b"deg" in done.stdout
@@ -85,14 +80,14 @@ def test_columns_of_tables_are_aligned_in_any_encoding(
 def test_text_of_files_reaches_the_terminal_without_control_characters(tmp_path: Path) -> None:
     """Docstrings, messages of controllers, names in summaries and models, columns of logs."""
     (tmp_path / "mine.py").write_text(CONTROLLER, encoding="utf-8")
-    shown = program("show", "mine.py:Mine", cwd=tmp_path)
-    failed = program(*RUN, "--controller", "mine.py:Mine", "--out", "r", cwd=tmp_path)
+    shown = program("show mine.py:Mine", cwd=tmp_path)
+    failed = program(RUN, "--controller mine.py:Mine --out r", cwd=tmp_path)
     record = json.loads((tmp_path / "r" / "provenance.json").read_text("utf-8"))
     record["versions"]["numpy"] = HOSTILE
     (tmp_path / "r" / "provenance.json").write_text(json.dumps(record), encoding="utf-8")
-    verified = program("verify", "r", "--allow-code", cwd=tmp_path)
+    verified = program("verify r --allow-code", cwd=tmp_path)
     (tmp_path / "robot.xml").write_text(f"<mujoco><{HOSTILE}/></mujoco>", encoding="utf-8")
-    model = program("run", "--scenario", "rect", "--model", "robot.xml", cwd=tmp_path)
+    model = program("run --scenario rect --model robot.xml", cwd=tmp_path)
     for done, code in ((shown, 0), (failed, 1), (verified, 0), (model, 2)):
         assert done.returncode == code, done.stderr
         for text in (done.stdout.decode(), done.stderr.decode()):
@@ -113,12 +108,11 @@ def test_a_printed_command_is_read_by_the_shell_as_it_was_given(tmp_path: Path) 
         printed = subprocess.run([bash, "-c", line], capture_output=True, check=True).stdout
         assert printed.decode() == name
     folder = 'it\'s "$HOME" & co'
-    arguments = ("--controller", "p", "--out", folder)
-    done = program(*RUN, *arguments, cwd=tmp_path)
+    done = program(RUN, "--controller p --out", Path(folder), cwd=tmp_path)
     (line,) = (text for text in done.stdout.decode().splitlines() if text.startswith("  repeat"))
     assert shlex.split(line)[1:] == ["omni-mj", "run", "--scenario", f"{folder}/scenario.toml"]
     assert (
-        program("new", "scenario", f"{folder}/mine", cwd=tmp_path)
+        program("new scenario", Path(folder, "mine"), cwd=tmp_path)
         .stdout.decode()
         .endswith(f"--scenario {shlex.quote(f'{folder}/mine.toml')}\n")
     )

@@ -6,20 +6,14 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
-from commands import invoke, strict
+from commands import BARE, SHORT, invoke, strict
 from rerun.chunk import RrdReader
 
 import omni_mj as om
 
 FRAME_S = 1 / 60
-SHORT = (
-    "--set",
-    "reference.waypoints=[[0, 0, 0], [0.2, 0.1, 0.3]]",
-    "--set",
-    "reference.settle_s=0.1",
-)
-RUN = ("run", "--scenario", "rect", "--plant", "kinematic", "--no-figures", "--out", "out", *SHORT)
-WITH_FLC = (*RUN, "--no-record", "--controller", "flc", "--controller")
+RUN = f"run --scenario rect --plant kinematic --no-figures --out out {SHORT}"
+WITH_FLC = f"{RUN} --no-record --controller flc --controller"
 MINE = '''
 import numpy as np
 
@@ -58,17 +52,8 @@ def test_a_users_controller_runs_with_the_others_and_repeats_if_its_code_is_allo
     capsys: pytest.CaptureFixture[str],
 ) -> None:
     """Table, summary, recording and scenario name it; its commands follow its control law."""
-    arguments = (
-        "--controller",
-        "flc",
-        "--controller",
-        "mine.py:Mine",
-        "--set",
-        "controller.Mine.gain=4",
-        "--seeds",
-        2,
-    )
-    assert invoke(*RUN, *arguments) == 0
+    arguments = "--controller flc --controller mine.py:Mine --set controller.Mine.gain=4 --seeds 2"
+    assert invoke(RUN, arguments) == 0
     assert "Mine" in capsys.readouterr().out
     assert list(strict(Path("out/summary.json"))["scenarios"]["rect"]["results"]) == ["flc", "Mine"]
     chunks = RrdReader(Path("out/recording.rrd")).stream().to_chunks()
@@ -93,22 +78,14 @@ def test_a_users_controller_runs_with_the_others_and_repeats_if_its_code_is_allo
             )
 
     Path("out").rename("first")
-    again = (
-        "--scenario",
-        "first/scenario.toml",
-        "--no-record",
-        "--no-figures",
-        "--quiet",
-        "--out",
-        "out",
-    )
-    assert invoke(*again) == 2, "a scenario runs no code unasked"
+    again = f"--scenario first/scenario.toml {BARE} --out out"
+    assert invoke(again) == 2, "a scenario runs no code unasked"
     assert "--allow-code" in capsys.readouterr().err
     assert not Path("out").exists()
     with pytest.raises(om.OmniError, match="not run without permission"):
         om.load_scenario("first/scenario.toml")
     assert om.load_scenario("first/scenario.toml", allow_code=True).labels == ("flc", "Mine")
-    assert invoke(*again, "--allow-code") == 0
+    assert invoke(again, "--allow-code") == 0
     assert Path("out/scenario.toml").read_text() == Path("first/scenario.toml").read_text()
     np.testing.assert_array_equal(pq.read_table("out/trajectory.parquet")["x_m"], frames["x_m"])
 
@@ -133,7 +110,7 @@ def test_a_failing_controller_is_one_line_and_the_others_continue(
         f"    def command(self, frame, observation):\n        if frame == 9:\n            {body}\n"
     )
     name = add("Wrong", f"{code}        return super().command(frame, observation)")
-    assert invoke(*WITH_FLC, name, "--quiet") == 1
+    assert invoke(WITH_FLC, name, "--quiet") == 1
     stdout, stderr = capsys.readouterr()
     assert (stdout, stderr.count("\n")) == ("", 1)
     for words in ("error: Wrong, seed 0: ", "frame 9", " at 0.150 s", *FAILS[body]):
@@ -155,7 +132,7 @@ def test_a_failing_controller_is_one_line_and_the_others_continue(
 def test_a_controller_that_fails_at_the_start_leaves_scenario_and_cause(
     body: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert invoke(*RUN, "--controller", add("Never", body)) == 1
+    assert invoke(RUN, "--controller", add("Never", body)) == 1
     stdout, stderr = capsys.readouterr()
     assert "Never (failed 1 of 1)" in stdout
     assert stderr.startswith("error: Never, seed 0: Never ")
@@ -172,7 +149,7 @@ def test_a_failing_plant_is_one_line_with_its_place_in_the_code(
     Path("plant.py").write_text(
         f"class Bad:\n    pose = twist = advance = telemetry = None\n\n{start}"
     )
-    assert invoke("run", "--scenario", "rect", "--plant", "plant.py:Bad", "--quiet") == 2
+    assert invoke("run --scenario rect --plant plant.py:Bad --quiet") == 2
     assert capsys.readouterr().err == "error: the plant Bad (plant.py, line 5): ValueError: stuck\n"
 
 
@@ -186,12 +163,12 @@ def test_wrong_names_and_files_are_one_line_and_leave_no_folder(
         ("broken.py:Mine", "cannot be run: ModuleNotFoundError"),
         ("mine.py", "file.py:Class"),
     ):
-        assert invoke(*WITH_FLC, kind, "--set", "radio.delay_frames=-1") == 2
+        assert invoke(WITH_FLC, kind, "--set radio.delay_frames=-1") == 2
         stdout, stderr = capsys.readouterr()
         assert stdout == ""
         assert len(stderr.splitlines()) == 2, "the delay as well"
         assert expected_error in stderr
         assert not Path("out").exists()
     Path("toy.py").write_text("class Toy:\n    pass\n")
-    assert invoke(*RUN, "--plant", "toy.py:Toy") == 2
+    assert invoke(RUN, "--plant toy.py:Toy") == 2
     assert "pose, twist, advance, telemetry" in capsys.readouterr().err

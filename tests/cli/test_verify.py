@@ -4,7 +4,6 @@ import json
 import os
 import shutil
 import signal
-import subprocess
 import sys
 from collections.abc import Callable
 from functools import reduce
@@ -17,18 +16,11 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
-from commands import invoke, strict
+from commands import BARE, SHORT, invoke, run_python, strict
 from own_robot import MESH, written
 
 import omni_mj as om
 
-SHORT = (
-    "--set",
-    "reference.waypoints=[[0, 0, 0], [0.2, 0.1, 0.3]]",
-    "--set",
-    "reference.settle_s=0.1",
-)
-BARE = ("--no-record", "--no-figures", "--quiet")
 MINE = '''
 import omni_mj as om
 
@@ -103,32 +95,10 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
         om.load_robot("tigers-v2016").path.read_text().replace("arm_m = ", "arm_m = 0.09 # was ", 1)
     )
     (source_folder / "robot.toml").write_text(text)
-    arguments = (
-        "--plant",
-        "toy.py:Toy",
-        "--robot",
-        "robot.toml",
-        "--controller",
-        "flc",
-        "--controller",
-        "mine.py:Mine",
-    )
-    more = ("--set", "controller.Mine.share=0.75", "--seeds", "2", "--out", "out")
-    command = [
-        sys.executable,
-        "-m",
-        "omni_mj",
-        "run",
-        "--scenario",
-        "rect-noise",
-        *SHORT,
-        *arguments,
-        *more,
-        *BARE,
-    ]
-    done = subprocess.run(
-        command, cwd=source_folder, capture_output=True, text=True, timeout=60, check=False
-    )
+    own = "--plant toy.py:Toy --robot robot.toml --controller flc --controller mine.py:Mine"
+    more = "--set controller.Mine.share=0.75 --seeds 2 --out out"
+    command = "-m omni_mj run --scenario rect-noise"
+    done = run_python(command, SHORT, own, more, BARE, cwd=source_folder)
     assert (done.returncode, done.stderr) == (0, "")
     folder = tmp_path_factory.mktemp("elsewhere") / "moved"
     shutil.move(source_folder / "out", folder)
@@ -157,11 +127,8 @@ def test_a_run_repeats_from_its_folder_without_the_users_files(
     description = record["scenarios"]["rect-noise"]
     assert description["controllers"][1]["parameters"] == {"share": 0.75}
     files = [description["plant"], description["robot"], description["controllers"][1]]
-    assert [copy["file"] for copy in files] == [
-        "sources/toy.py",
-        "sources/robot.toml",
-        "sources/mine.py",
-    ]
+    names = ["toy.py", "robot.toml", "mine.py"]
+    assert [copy["file"] for copy in files] == [f"sources/{name}" for name in names]
     for copy in files:
         assert sha256((made / copy["file"]).read_bytes()).hexdigest() == copy["sha256"]
     assert {"python", "mujoco", "numpy", "scipy", "rerun-sdk"} <= set(record["versions"])
@@ -336,15 +303,15 @@ def test_a_stopped_run_repeats_up_to_its_end_and_unseeded_noise_does_not(
     (tmp_path / "odd.py").write_text(ODD)
     (tmp_path / "press").touch()
     monkeypatch.chdir(tmp_path)
-    words = ("--scenario", "rect", "--plant", "kinematic", *BARE, "--controller")
-    assert invoke("run", *words, "odd.py:Stopped", "--controller", "flc", "--out", "stopped") == 130
+    run = f"run --scenario rect --plant kinematic {BARE} --controller"
+    assert invoke(run, "odd.py:Stopped --controller flc --out stopped") == 130
     signal.signal(signal.SIGINT, previous)
     (tmp_path / "press").unlink()
     capsys.readouterr()
-    assert invoke("verify", "stopped", "--allow-code") == 0
+    assert invoke("verify stopped --allow-code") == 0
     assert capsys.readouterr().out == "repeats: 2 rows, 42 frames identical bit for bit\n"
-    assert invoke("run", *words, "odd.py:Dice", *SHORT, "--out", "chance") == 0
-    assert invoke("verify", "chance", "--allow-code") == 1
+    assert invoke(run, "odd.py:Dice", SHORT, "--out chance") == 0
+    assert invoke("verify chance --allow-code") == 1
     lines = capsys.readouterr().err.splitlines()
     assert "first in frame 5, controller Dice, seed 0, slot 0: command_vx_m_s is " in lines[1]
     assert "random numbers without a seed" in lines[-1]
@@ -353,18 +320,8 @@ def test_a_stopped_run_repeats_up_to_its_end_and_unseeded_noise_does_not(
 def test_a_comparison_repeats(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """The frames of each scenario are compared, or else the summary's numbers."""
     out = tmp_path / "out"
-    words = (
-        "--plant",
-        "kinematic",
-        "--scenario",
-        "rect",
-        "--scenario",
-        "rect-noise",
-        *SHORT,
-        "--controller",
-        "flc",
-    )
-    assert invoke("compare", *words, "--seeds", 6, "--quiet", "--trajectories", "--out", out) == 0
+    words = f"compare --plant kinematic --scenario rect --scenario rect-noise {SHORT}"
+    assert invoke(words, "--controller flc --seeds 6 --quiet --trajectories --out", out) == 0
     entries = strict(out / "summary.json")["scenarios"].values()
     rows, frames = (
         sum(len(e["seeds"]) * (e["frames"] if per_frame else 1) for e in entries)
@@ -414,9 +371,9 @@ def test_a_users_model_is_copied_with_all_its_files(
     contents = {
         path.name: path.read_bytes() for path in (model(source_folder), *source_folder.rglob("*.*"))
     }
-    words = ("run", "--scenario", "rect", *SHORT, "--controller", "comp-flc", *BARE, "--model")
+    words = f"run --scenario rect {SHORT} --controller comp-flc {BARE} --out out"
     monkeypatch.chdir(source_folder)
-    assert invoke(*words, "robot/mine.xml", "--out", "out") == 0
+    assert invoke(words, "--model robot/mine.xml") == 0
     monkeypatch.chdir(tmp_path)
     shutil.move(source_folder / "out", moved_folder)
     shutil.rmtree(source_folder)
@@ -567,7 +524,7 @@ def test_results_from_python_repeat_or_say_what_is_missing(tmp_path: Path) -> No
     source_folder.mkdir()
     (source_folder / "mine.py").write_text(MINE)
     (source_folder / "program.py").write_text(PROGRAM)
-    subprocess.run([sys.executable, "program.py"], cwd=source_folder, check=True, timeout=60)
+    run_python("program.py", cwd=source_folder, check=True)
     for name in ("good", "bad"):
         shutil.move(source_folder / name, tmp_path / name)
     shutil.rmtree(source_folder)

@@ -1,8 +1,6 @@
 """The team's part: its own distribution, its README, and the example of a real robot."""
 
 import re
-import subprocess
-import sys
 import tomllib
 from pathlib import Path
 
@@ -10,6 +8,7 @@ import numpy as np
 import pytest
 from benches.control import make_controller
 from closed_loop import T, make_empty_history, make_observation
+from commands import run_python
 from team_setup import TIMED
 
 from omni_control import TeamModel
@@ -28,9 +27,7 @@ def test_the_example_drives_a_robot_there_and_back_without_a_simulator() -> None
     script = (
         f"import runpy, sys; runpy.run_path({str(EXAMPLE)!r}); assert 'omni_mj' not in sys.modules"
     )
-    done = subprocess.run(
-        [sys.executable, "-c", script], capture_output=True, text=True, timeout=60, check=False
-    )
+    done = run_python(code=script)
     assert (done.returncode, done.stderr) == (0, "")
     match = re.fullmatch(r"arrived within (\d+) mm of the start, alpha is (.*)\n", done.stdout)
     assert match, done.stdout

@@ -56,7 +56,7 @@ def test_a_missing_package_is_named_before_anything_is_written(
     monkeypatch.chdir(tmp_path)
     for package in ("piqp", "jax"):
         monkeypatch.setitem(sys.modules, package, None)  # as if it were not installed
-    assert invoke(*COMMANDS[extra], "--out", "out") == 2
+    assert invoke(*COMMANDS[extra], "--out out") == 2
     (line,) = capsys.readouterr().err.splitlines()
     assert describe_installation(extra) in line
     assert not (tmp_path / "out").exists()

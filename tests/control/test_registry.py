@@ -1,7 +1,5 @@
 """Controllers by name, imported when used, and their parameters."""
 
-import subprocess
-import sys
 from typing import ClassVar
 
 import numpy as np
@@ -14,6 +12,7 @@ from benches.control import (
     validate_parameters,
 )
 from closed_loop import T
+from commands import run_python
 from team_setup import TIMED
 
 from omni_control import Controller, ControllerError, Kinematics, MotionLimits, OmniError, TeamModel
@@ -148,9 +147,7 @@ for name in CONTROLLERS: load_controller_class(name)
 heavy = {name.split(".")[0] for name in sys.modules} & {"scipy", "mujoco", "omni_mj", "matplotlib"}
 assert not heavy, heavy
 """
-    done = subprocess.run(
-        [sys.executable, "-c", script], capture_output=True, text=True, timeout=60, check=False
-    )
+    done = run_python(code=script)
     assert (done.returncode, done.stderr) == (0, "")
     lazy = "import sys, omni_control.errors; assert 'numpy' not in sys.modules"
-    assert subprocess.run([sys.executable, "-c", lazy], timeout=60, check=False).returncode == 0
+    assert run_python(code=lazy).returncode == 0

@@ -2,8 +2,6 @@
 
 import math
 import re
-import subprocess
-import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -11,6 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 from closed_loop import LaggedPlant, T, to_measured_pose
+from commands import run_python
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from random_motion import compute_ellipse_utilization, compute_fastest_time, limits
@@ -313,9 +312,7 @@ def test_unsuitable_references_are_refused() -> None:
 
 
 def test_the_example_follows_a_ball() -> None:
-    done = subprocess.run(
-        [sys.executable, EXAMPLE], capture_output=True, text=True, timeout=60, check=False
-    )
+    done = run_python(EXAMPLE)
     assert (done.returncode, done.stderr) == (0, "")
     match = re.match(r"mean error: (\d+) mm behind the rolling ball, (\d+) mm at rest", done.stdout)
     assert match, done.stdout

@@ -1,12 +1,11 @@
 """Files that a model or robot names: regular, of bounded size, in its own folder or below."""
 
 import os
-import subprocess
-import sys
 from collections.abc import Callable
 from pathlib import Path
 
 import pytest
+from commands import run_python
 from own_robot import MESH, written
 from PIL import Image
 
@@ -120,15 +119,7 @@ def test_a_model_reads_nothing_but_regular_files_below_its_folder(folder: Path) 
         with_content('<x:a xmlns:x="u"/>').replace("<mujoco ", '<mujoco xmlns="u" ', 1),
         f'<!DOCTYPE m [<!ENTITY e "x">]>{ROBOT}',
     ]
-    done = subprocess.run(
-        [sys.executable, "-c", PROGRAM],
-        input="\0".join(texts),
-        cwd=folder,
-        capture_output=True,
-        text=True,
-        timeout=60,
-        check=True,
-    )
+    done = run_python(code=PROGRAM, input="\0".join(texts), cwd=folder, check=True)
     messages = [*REFUSED.values(), "unrecognized element", "must not have a <!DOCTYPE>"]
     for text, message, line in zip(texts, messages, done.stdout.splitlines(), strict=True):
         assert line.startswith("mine.xml: "), text

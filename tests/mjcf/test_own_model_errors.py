@@ -107,31 +107,18 @@ def test_the_command_line_accepts_a_model(
 ) -> None:
     monkeypatch.chdir(tmp_path)
     Path("mine.xml").write_text(TEXT)
-    assert invoke("run", "--scenario", "rect", "--model", "none.xml") == 2
+    assert invoke("run --scenario rect --model none.xml") == 2
     assert (
         capsys.readouterr().err
         == "error: there is no model none.xml; give the path of a robot's MJCF: robot.xml\n"
     )
-    assert invoke("run", "--scenario", "rect", "--robot", "mine.xml") == 2
+    assert invoke("run --scenario rect --robot mine.xml") == 2
     assert "unknown robot 'mine.xml'" in capsys.readouterr().err
-    assert (
-        invoke("run", "--scenario", "rect", "--model", "mine.xml", "--set", "wheels.rollers=16")
-        == 2
-    )
+    assert invoke("run --scenario rect --model mine.xml --set wheels.rollers=16") == 2
     assert "wheels.rollers = 16 contradicts mine.xml, which has 15" in capsys.readouterr().err
-    short = ("--set", "reference.waypoints=[[0, 0], [0.05, 0]]", "--set", "reference.settle_s=0")
-    words = (
-        "--scenario",
-        "rect",
-        *short,
-        "--model",
-        "mine.xml",
-        "--controller",
-        "flc",
-        "--out",
-        "out",
-    )
-    assert invoke("run", *words, "--no-record", "--no-figures") == 0
+    short = "--set reference.waypoints=[[0,0],[0.05,0]] --set reference.settle_s=0"
+    words = f"--scenario rect {short} --model mine.xml --controller flc --out out"
+    assert invoke("run", words, "--no-record --no-figures") == 0
     text = Path("out/scenario.toml").read_text()
     assert 'file = "mine.xml"' in text
     assert "rollers = 15" in text

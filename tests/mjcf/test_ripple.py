@@ -81,7 +81,7 @@ def test_round_wheels_are_not_reported(tmp_path: Path, capsys: pytest.CaptureFix
     """A command prints one line about wheels that are not round, and none about others."""
     for rollers, n_lines in ((8, 1), (15, 0)):
         file = write_robot(tmp_path, GEOMS["ellipsoid"][0], rollers)
-        assert invoke("show", "rect", "--set", f"model.file={str(file)!r}") == 0
+        assert invoke("show rect --set", f"model.file={str(file)!r}") == 0
         lines = capsys.readouterr().err.splitlines()
         assert len(lines) == n_lines
         assert all(line.startswith("warning: mine.xml: the wheels are not") for line in lines)

@@ -73,7 +73,7 @@ def test_files_that_would_fill_the_memory_are_not_read(
     for name, message in messages.items():
         with pytest.raises(om.OmniError, match=f"^{name}.parquet cannot be read: .*{message}"):
             parquet.read_table(Path(f"{name}.parquet"))
-    assert invoke("identify", "rows.parquet", "--out", "out") == 2
+    assert invoke("identify rows.parquet --out out") == 2
     (line,) = capsys.readouterr().err.splitlines()
     assert "need 8e+03 GB of memory" in line
     assert not Path("out").exists()

@@ -3,8 +3,6 @@
 import copy
 import pickle
 import resource
-import subprocess
-import sys
 import tracemalloc
 from pathlib import Path
 
@@ -12,6 +10,7 @@ import numpy as np
 import pyarrow.parquet as pq
 import pytest
 from benches.logs import fill_log, rows
+from commands import run_python
 
 from omni_mj.io import parquet
 from omni_mj.simulation import frame_blocks
@@ -45,8 +44,7 @@ def test_a_table_is_read_without_threads(tmp_path: Path) -> None:
         "parquet.read_table(pathlib.Path(sys.argv[1]))\n"
         "print(len(os.listdir('/proc/self/task')) - before)"
     )
-    words = [sys.executable, "-c", code, str(tmp_path / "table.parquet")]
-    assert subprocess.run(words, capture_output=True, text=True, check=True).stdout == "0\n"
+    assert run_python(tmp_path / "table.parquet", code=code, check=True).stdout == "0\n"
 
 
 @pytest.mark.parametrize("disk", ["free", "without a folder", "full", "nearly full"])

@@ -1,13 +1,12 @@
 """Test the public Python interface."""
 
 import importlib
-import subprocess
-import sys
 import types
 from pathlib import Path
 
 import numpy as np
 import pytest
+from commands import run_python
 
 import omni_mj as om
 
@@ -80,9 +79,7 @@ def test_public_names_are_not_replaced_by_modules() -> None:
     with pytest.raises(AttributeError, match="'omni_mj' has no attribute 'simulate_all'"):
         om.simulate_all  # noqa: B018
     code = "import omni_mj.run; import omni_mj as om; print(om.run.__name__, om.run.__module__)"
-    done = subprocess.run(
-        [sys.executable, "-c", code], capture_output=True, text=True, check=True, timeout=60
-    )
+    done = run_python(code=code, check=True)
     assert done.stdout.split() == ["run", "omni_mj.studies.run_scenario"]
 
 

@@ -477,9 +477,7 @@ def test_correlations_and_worst_runs_are_reported(
     worst = summary["worst"][0]
     assert worst["position_max_m"] == max(row["position_max_m"] for row in rows)
     assert (
-        invoke(
-            *shlex.split(worst["repeat_command"])[1:], "--no-figures", "--out", tmp_path / "again"
-        )
+        invoke(*shlex.split(worst["repeat_command"])[1:], "--no-figures --out", tmp_path / "again")
         == 0
     )
     again = json.loads((tmp_path / "again/summary.json").read_text())["scenarios"]["rect"][
@@ -515,7 +513,7 @@ def test_the_command_of_the_worst_run_has_values_of_all_types(tmp_path: Path) ->
     assert invoke("sweep", *words, *options, "--out", folder, "--quiet") == 0
     worst = json.loads((folder / "summary.json").read_text())["worst"][0]
     command = shlex.split(worst["repeat_command"])[1:]
-    assert invoke(*command, "--no-figures", "--no-record", "--out", tmp_path / "again") == 0
+    assert invoke(*command, "--no-figures --no-record --out", tmp_path / "again") == 0
 
 
 def test_points_have_failure_rates_and_medians_with_intervals(

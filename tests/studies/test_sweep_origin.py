@@ -213,9 +213,9 @@ def test_a_sweep_repeats_and_changed_rows_are_named(
 ) -> None:
     for name in ("mine.py", "robot.toml", "body.xml", "parts.xml"):
         Path(name).unlink()
-    assert invoke("verify", "out") == 2
+    assert invoke("verify out") == 2
     assert "not run without permission" in capsys.readouterr().err
-    assert invoke("verify", "out", "--allow-code") == 0
+    assert invoke("verify out --allow-code") == 0
     assert capsys.readouterr().out == "repeats: 4 rows, identical bit for bit\n"
     rows = pq.read_table("out/rows.parquet")
     column = rows.column_names.index("position_max_m")
@@ -223,7 +223,7 @@ def test_a_sweep_repeats_and_changed_rows_are_named(
     values[2] *= 1 + 2e-16
     changed_rows = rows.set_column(column, "position_max_m", pa.array(values))
     pq.write_table(changed_rows, "out/rows.parquet")
-    assert invoke("verify", "out", "--allow-code") == 1
+    assert invoke("verify out --allow-code") == 1
     assert "first in point 1, controller Mine, seed 0, slot 0: " in capsys.readouterr().err
 
 
@@ -305,7 +305,7 @@ def test_two_programs_never_write_to_one_folder(
     result = om.run(om.load_scenario("rect", plant="kinematic"), ["p"])
     for call in (
         lambda: invoke(*words, "--out", out, "--overwrite"),
-        lambda: invoke("compare", *words[1:5], "--quiet", "--out", out, "--overwrite"),
+        lambda: invoke("compare", *words[1:5], "--quiet --out", out, "--overwrite"),
         lambda: result.save(out),
         lambda: om.sweep("rect", {"radio.delay_frames": [0, 4]}, ["p"], out=out),
     ):
@@ -325,5 +325,5 @@ def test_two_programs_never_write_to_one_folder(
     assert (running.returncode, err.count("\n")) == (2, 1)
     assert {path: path.read_bytes() for path in out.rglob("*") if path.is_file()} == contents
     assert strict(out / "summary.json")["complete"]
-    assert invoke("compare", *words[1:5], "--controller", "p", "--out", out, "--overwrite") == 2
+    assert invoke("compare", *words[1:5], "--controller p --out", out, "--overwrite") == 2
     assert "holds results of omni-mj run" in capsys.readouterr().err

@@ -3,6 +3,9 @@
 import io
 import json
 import os
+import shlex
+import subprocess
+import sys
 import threading
 import time
 from collections.abc import Iterator
@@ -16,13 +19,40 @@ import pytest
 from omni_mj.cli import console
 from omni_mj.cli.main import cli
 
+# Options of short runs, and of those that leave out pictures
+SHORT = "--set reference.waypoints=[[0,0,0],[0.2,0.1,0.3]] --set reference.settle_s=0.1"
+BARE = "--no-record --no-figures --quiet"
+
+
+def split_words(*args: object) -> list[str]:
+    """Return the words of a command line. Text is split as by a shell; all else is one word."""
+    words: list[str] = []
+    for arg in args:
+        words += shlex.split(arg) if isinstance(arg, str) else [str(arg)]
+    return words
+
 
 def invoke(*args: object, command: click.Command = cli) -> int:
-    """Run a command in this process, and return its exit code."""
+    """Run a command in this process, and return its exit code; see `split_words`."""
     with pytest.raises(SystemExit) as end:
-        console.invoke_command(command, list(map(str, args)))
+        console.invoke_command(command, split_words(*args))
     assert isinstance(end.value.code, int)
     return end.value.code
+
+
+def run_python(
+    *args: object, code: str | None = None, **options: Any
+) -> subprocess.CompletedProcess[str]:
+    """Run Python in another process, and return what it printed.
+
+    Args:
+        *args: Its arguments; see `split_words`.
+        code: Program, in place of a file or module among the arguments.
+        **options: Options of `subprocess.run`.
+    """
+    words = split_words(*args) if code is None else ["-c", code, *split_words(*args)]
+    options = {"text": True, "timeout": 60, "check": False} | options
+    return subprocess.run([sys.executable, *words], capture_output=True, **options)
 
 
 def list_names(title: str) -> list[str]:

@@ -1,13 +1,11 @@
 """Films show robots at the poses of the trajectory, with the requested number of pictures."""
 
-import subprocess
-import sys
 from pathlib import Path
 
 import numpy as np
 import pyarrow.parquet as pq
 import pytest
-from commands import invoke
+from commands import invoke, run_python
 from PIL import Image, ImageSequence
 
 import omni_mj as om
@@ -18,8 +16,7 @@ MARGIN_M = 0.35  # around the route
 
 
 def film(*arguments: object) -> None:
-    command = [sys.executable, "-m", "omni_mj.cli.main", "film", *map(str, arguments)]
-    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    done = run_python("-m omni_mj.cli.main film", *arguments)
     if "MuJoCo cannot draw here" in done.stderr:
         pytest.skip("there is no EGL (libegl1, libgl1-mesa-dri)")
     assert done.returncode == 0, done.stderr
@@ -29,15 +26,9 @@ def film(*arguments: object) -> None:
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A run of two controllers along 0.8 m forward and 0.4 m to the left."""
     folder = tmp_path_factory.mktemp("film") / "run"
-    options = (
-        "--plant",
-        "kinematic",
-        "--set",
-        "reference.waypoints=[[0, 0], [0.8, 0], [0.8, 0.4]]",
-        "--quiet",
-    )
-    controllers = ("--controller", "flc", "--controller", "comp-flc", "--no-record", "--no-figures")
-    assert invoke("run", "--scenario", "rect", *options, *controllers, "--out", folder) == 0
+    options = "--plant kinematic --set reference.waypoints=[[0,0],[0.8,0],[0.8,0.4]] --quiet"
+    controllers = "--controller flc --controller comp-flc --no-record --no-figures"
+    assert invoke("run --scenario rect", options, controllers, "--out", folder) == 0
     return folder
 
 
@@ -58,8 +49,8 @@ def test_robots_are_where_the_trajectory_says(folder: Path, tmp_path: Path) -> N
     Its target is 5 cm above the carpet; the cover's top is 14.5 cm high.
     """
     out = tmp_path / "plan.webp"
-    times = "--from", 0.5, "--to", 2.5, "--fps", 1
-    film(folder, out, "--controller", "flc", "--view", "plan", *times, "--size", f"{SIDE}x{SIDE}")
+    times = "--from 0.5 --to 2.5 --fps 1"
+    film(folder, out, "--controller flc --view plan", times, "--size", f"{SIDE}x{SIDE}")
     rows = pq.read_table(
         folder / "trajectory.parquet", filters=[("controller", "=", "flc")]
     ).to_pydict()
@@ -103,7 +94,7 @@ def test_a_failed_robot_keeps_its_pose_and_others_continue(tmp_path: Path) -> No
 def test_a_gif_contains_the_pictures_in_order(folder: Path, tmp_path: Path) -> None:
     """The reference moves, so pictures at different times differ."""
     out = tmp_path / "film.gif"
-    film(folder, out, "--fps", 5, "--to", 1, "--size", "160x80")
+    film(folder, out, "--fps 5 --to 1 --size 160x80")
     assert list(tmp_path.iterdir()) == [out]  # no temporary file is left
     with Image.open(out) as whole:
         pictures = [np.asarray(picture.convert("RGB")) for picture in ImageSequence.Iterator(whole)]

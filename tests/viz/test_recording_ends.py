@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from benches.recording import RecordedRun, RecordingFile, record_run, rows
+from commands import run_python, split_words
 from numpy.typing import NDArray
 
 from omni_control.controllers.base import Controller, Observation
@@ -79,19 +80,9 @@ def test_a_failed_robot_is_recorded_up_to_its_failure_with_the_cause(
 
 def test_a_killed_run_leaves_complete_blocks(tmp_path: Path) -> None:
     """Of a killed run, all entities have complete blocks of 300 frames, and as many but one."""
-    options = [
-        "--scenario",
-        "rect",
-        "--plant",
-        "kinematic",
-        "--set",
-        "reference.laps=100",
-        "--out",
-        tmp_path,
-    ]
-    process = subprocess.Popen(
-        [sys.executable, "-m", "omni_mj.run", "--no-figures", "--quiet", *options]
-    )
+    options = "--scenario rect --plant kinematic --set reference.laps=100 --no-figures --quiet"
+    command = split_words(sys.executable, "-m omni_mj.run", options, "--out", tmp_path)
+    process = subprocess.Popen(command)
     path, deadline = tmp_path / "recording.rrd", time.monotonic() + 60
     while not (path.exists() and path.stat().st_size > 2e6) and time.monotonic() < deadline:
         time.sleep(0.02)
@@ -133,10 +124,7 @@ except OSError as error:
 print(simulation.done)
 """
     support = {"PYTHONPATH": str(Path(__file__).parents[1] / "support")}
-    command = [sys.executable, "-c", program]
-    done = subprocess.run(
-        command, capture_output=True, text=True, timeout=60, check=False, env=os.environ | support
-    )
+    done = run_python(code=program, env=os.environ | support)
     assert not done.stderr
     message, ended = done.stdout.splitlines()
     assert "could not be written to its end" in message

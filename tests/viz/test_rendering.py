@@ -27,19 +27,9 @@ PLOTS = np.s_[70:860, 810:1590]
 def recording(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A recording of robots that drive 1 m forward, then 0.8 m to the left."""
     folder = tmp_path_factory.mktemp("rendering") / "run"
-    options = (
-        "--set",
-        "reference.waypoints=[[0, 0], [1, 0], [1, 0.8]]",
-        "--set",
-        "reference.settle_s=0.1",
-        "--plant",
-        "kinematic",
-        "--no-figures",
-    )
-    controllers = ("--controller", "flc", "--controller", "comp-flc")
-    assert (
-        invoke("run", "--scenario", "rect", *options, *controllers, "--quiet", "--out", folder) == 0
-    )
+    route = "--set reference.waypoints=[[0,0],[1,0],[1,0.8]] --set reference.settle_s=0.1"
+    run = "run --scenario rect --plant kinematic --controller flc --controller comp-flc"
+    assert invoke(run, route, "--no-figures --quiet --out", folder) == 0
     return folder / "recording.rrd"
 
 
@@ -52,7 +42,7 @@ def count_pixels(image: NDArray, color: tuple[int, int, int]) -> int:
 def test_a_picture_shows_field_robots_and_plots(recording: Path, tmp_path: Path) -> None:
     """Robots have moved on the field; the picture shows the named tab."""
     out = tmp_path / "picture.png"
-    assert invoke("screenshot", recording, out, "--time", 3.0, "--tab", "velocity") == 0
+    assert invoke("screenshot", recording, out, "--time 3.0 --tab velocity") == 0
     image = 255 * imread(out)[..., :3]
     assert image.shape == (900, 1600, 3)
     assert count_pixels(image[FIELD], CARPET) > 100_000
@@ -65,5 +55,5 @@ def test_a_picture_shows_field_robots_and_plots(recording: Path, tmp_path: Path)
 def test_an_unknown_tab_is_reported(
     recording: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert invoke("screenshot", recording, tmp_path / "x.png", "--tab", "wheel") == 2
+    assert invoke("screenshot", recording, tmp_path / "x.png", "--tab wheel") == 2
     assert "no tab 'wheel'; choose from alpha, comp-flc, events" in capsys.readouterr().err

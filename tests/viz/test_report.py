@@ -125,19 +125,8 @@ def test_the_papers_errors_follow_the_results(runs: list[Path], tmp_path: Path, 
 
 def test_figures_are_reproducible_and_not_cut_off(runs: list[Path], tmp_path: Path) -> None:
     """PNG and SVG of all figures for which the kinematic plant has data; their edges are white."""
-    assert (
-        invoke(
-            "run",
-            "--scenario",
-            runs[0] / "scenario.toml",
-            "--svg",
-            "--no-record",
-            "--quiet",
-            "--out",
-            tmp_path,
-        )
-        == 0
-    )
+    scenario = runs[0] / "scenario.toml"
+    assert invoke("run --svg --no-record --quiet --scenario", scenario, "--out", tmp_path) == 0
     written = {path.name: path.read_bytes() for path in (runs[0] / "figures").iterdir()}
     assert set(written) == {f"{name}.{kind}" for name in NAMES for kind in ("png", "svg")}
     assert {path.name: path.read_bytes() for path in (tmp_path / "figures").iterdir()} == written
