@@ -89,20 +89,12 @@ assert (dict(os.environ), dict(mpl.rcParams)) == before
 def test_settings_of_other_programs_neither_end_a_run_nor_change(tmp_path: Path) -> None:
     """Notebooks set MPLBACKEND for all programs that they start; LaTeX may not be installed."""
     (tmp_path / "matplotlibrc").write_text("backend: module://nowhere\ntext.usetex: True\n")
-    run = ["-m", "omni_mj", "run", "--scenario", "rect", "--plant", "planar", *SHORT, "--quiet"]
-    for arguments, backend in (
-        ([*run, "--controller", "p", "--out", "out"], {}),
-        (["-c", LIBRARY_CALL], {"MPLBACKEND": "tkagg"}),
+    run = f"-m omni_mj run --scenario rect --plant planar {SHORT} --quiet"
+    environment = os.environ | FOREIGN
+    for done in (
+        run_python(run, "--controller p --out out", cwd=tmp_path, env=environment),
+        run_python(code=LIBRARY_CALL, cwd=tmp_path, env=environment | {"MPLBACKEND": "tkagg"}),
     ):
-        environment = os.environ | FOREIGN | backend
-        done = subprocess.run(
-            [sys.executable, *arguments],
-            cwd=tmp_path,
-            env=environment,
-            capture_output=True,
-            text=True,
-            timeout=60,
-        )
         assert (done.returncode, done.stderr) == (0, "")
     for name in ("recording.rrd", "report.html", "figures/path.png"):
         assert (tmp_path / "out" / name).stat().st_size > 1000

@@ -32,7 +32,7 @@ def simulate(folder: Path) -> int:
 def test_a_robot_becomes_a_folder(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """As MuJoCo Menagerie lays it out, with the comments of the robot's file as sources."""
     out = tmp_path / "out"
-    options = "--set wheels.azimuths_deg=[60,180,300]"
+    options = "--set wheels.azimuths_deg=[60, 180, 300]"
     assert invoke("export --robot tigers-v2020", options, "--out", out) == 0
     text = capsys.readouterr()
     names = {path.name for path in out.iterdir()}
@@ -129,7 +129,10 @@ def test_a_wheel_becomes_a_folder(angle: int, wheels: set[str], tmp_path: Path) 
 @pytest.mark.parametrize(
     ("words", "error"),
     [
-        ("--wheel --width 0.05", "radius is missing: radius over the rollers"),
+        (
+            "--wheel --width 0.05 --rollers 12 --roller-radius 0.008",
+            "radius is missing: radius over the rollers",
+        ),
         (f"--wheel {SIZES} --rows 3", "rows must be less than or equal to 2"),
         (f"--wheel {SIZES} --width 0.01", "width must be at least 0.016, that of the rollers"),
         (f"--wheel {SIZES} --robot tigers-v2016", "without --robot, --model and --set"),

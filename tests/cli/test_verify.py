@@ -410,7 +410,7 @@ FOLDERS = {  # study -> its options, files that are changed, and changes of each
         10,
     ),
 }
-STEP = ("--set", "reference.waypoints=[[0, 0], [0.01, 0]]", "--set", "reference.settle_s=0.1")
+STEP = "--set reference.waypoints=[[0, 0], [0.01, 0]] --set reference.settle_s=0.1"
 
 
 def list_places(value: Any, place: tuple[Any, ...] = ()) -> list[tuple[Any, ...]]:
@@ -473,8 +473,7 @@ def test_any_single_change_of_what_a_study_wrote_is_noticed(
     monkeypatch.chdir(tmp_path)
     Path("mine.py").write_text(MINE)
     options, files, n_changes = FOLDERS[study]
-    words = (study, *options.split(), "--plant", "kinematic", *STEP, "--quiet", "--out", "out")
-    assert invoke(*words) == 0
+    assert invoke(study, options, "--plant kinematic", STEP, "--quiet --out out") == 0
 
     def is_noticed() -> bool:
         try:

@@ -3,7 +3,7 @@
 import io
 import json
 import os
-import shlex
+import re
 import subprocess
 import sys
 import threading
@@ -19,16 +19,21 @@ import pytest
 from omni_mj.cli import console
 from omni_mj.cli.main import cli
 
+WORD = re.compile(r"(?:\[\[.*?\]\]|[\[{].*?[\]}]|\S)+")
 # Options of short runs, and of those that leave out pictures
 SHORT = "--set reference.waypoints=[[0,0,0],[0.2,0.1,0.3]] --set reference.settle_s=0.1"
 BARE = "--no-record --no-figures --quiet"
 
 
 def split_words(*args: object) -> list[str]:
-    """Return the words of a command line. Text is split as by a shell; all else is one word."""
+    """Return the words of a command line.
+
+    Text is split at spaces, except for those in brackets. Everything else, such as a path, is one
+    word.
+    """
     words: list[str] = []
     for arg in args:
-        words += shlex.split(arg) if isinstance(arg, str) else [str(arg)]
+        words += WORD.findall(arg) if isinstance(arg, str) else [str(arg)]
     return words
 
 
