@@ -73,6 +73,7 @@ proto: $(VENV)/.installed
 	PYTHONPATH=build/protoc $(BIN)/python -m grpc_tools.protoc -I. --python_out=. --pyi_out=. $(PROTO).proto
 	sed -i "s/AddSerializedFile(b'/AddSerializedFile(\\n    b'/" $(PROTO)_pb2.py
 	sed -E -i "/^    b'/s/.{60,88}[^')x0-9a-f\\\\]/&'\\n    b'/g" $(PROTO)_pb2.py
+	sed -i '/_serialized_/d' $(PROTO)_pb2.py  # offsets that only protobuf without its C library reads
 
 clean:
 	rm -rf $(VENV) build dist .pytest_cache .mypy_cache .ruff_cache .hypothesis
