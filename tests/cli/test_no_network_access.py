@@ -6,16 +6,9 @@ import sys
 from pathlib import Path
 
 import pytest
+from commands import SHORT, split_words
 
-SHORT = (
-    "--set",
-    "reference.waypoints=[[0, 0], [0.1, 0]]",
-    "--set",
-    "reference.settle_s=0.1",
-    "--plant",
-    "kinematic",
-)
-RUN = ("run", "--scenario", "rect", *SHORT, "--controller", "flc", "--no-figures", "--quiet")
+RUN = "run --scenario rect --plant kinematic --controller flc --no-figures --quiet"
 
 
 def test_a_run_makes_no_connection(tmp_path: Path) -> None:
@@ -25,14 +18,8 @@ def test_a_run_makes_no_connection(tmp_path: Path) -> None:
     options = "-f", "--seccomp-bpf", "-o", calls  # only the calls that are traced stop the program
     if strace is None or subprocess.run([strace, *options, "true"], capture_output=True).returncode:
         pytest.skip("needs strace, and to be let")
-    words = [
-        strace,
-        *options,
-        "-e",
-        "trace=connect,bind,sendto,sendmsg,sendmmsg",
-        sys.executable,
-        "-m",
-    ]
-    subprocess.run([*words, "omni_mj", *RUN, "--out", tmp_path / "out"], check=True, timeout=300)
+    traced = [strace, *options, "-e", "trace=connect,bind,sendto,sendmsg,sendmmsg"]
+    run = split_words("-m omni_mj", RUN, SHORT, "--out", tmp_path / "out")
+    subprocess.run([*traced, sys.executable, *run], check=True, timeout=300)
     assert (tmp_path / "out" / "recording.rrd").exists()
     assert [line for line in calls.read_text().splitlines() if "AF_INET" in line] == []

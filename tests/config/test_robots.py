@@ -51,24 +51,13 @@ def test_robot_file_gives_the_defaults_of_its_scenarios(
             encoder_counts="1024",
         )
     )
-    scenario = om.load_scenario("rect", robot=other, carpet={"friction": 0.6})
-    assert (
-        scenario.settings.drivetrain.gear_friction_nm,
-        scenario.settings.sensors.encoder_counts,
-    ) == (
-        0.01,
-        1024,
-    )
-    assert (scenario.settings.carpet.rolling_resistance, scenario.settings.carpet.friction) == (
-        0.15,
-        0.6,
-    )
-    assert (
-        om.load_scenario(
-            "rect", robot=om.load_robot(other), carpet={"rolling_resistance": 0.2}
-        ).settings.carpet.rolling_resistance
-        == 0.2
-    )
+    chosen = om.load_scenario("rect", robot=other, carpet={"friction": 0.6}).settings
+    assert chosen.drivetrain.gear_friction_nm == 0.01
+    assert chosen.sensors.encoder_counts == 1024
+    assert (chosen.carpet.rolling_resistance, chosen.carpet.friction) == (0.15, 0.6)
+    robot, carpet = om.load_robot(other), {"rolling_resistance": 0.2}
+    chosen = om.load_scenario("rect", robot=robot, carpet=carpet).settings
+    assert chosen.carpet.rolling_resistance == 0.2
     assert om.load_scenario("rect", robot=DEFAULT) == om.load_scenario("rect")
     other.write_text(replace_values(show_robot(DEFAULT, capsys), rolling_resistance="0.25"))
     assert om.load_scenario("rect", robot=other).settings.carpet.rolling_resistance == 0.25
@@ -201,19 +190,20 @@ def test_center_of_mass_must_be_supported(azimuths: list[float], x: float) -> No
 # Assumptions of the team.
 
 
-def simulate(robot: str, commands: NDArray, **more: Any) -> om.Simulation:
-    """Return a simulation without vision noise after commands (frames, n, 3)."""
-    scenario = om.load_scenario(
-        "rect", plant="planar", robot=robot, vision={"position_noise_m": 0.0}, **more
-    )
+def simulate(robot: str, commands: NDArray) -> tuple[NDArray, NDArray]:
+    """Return poses and twists after each of the commands (frames, n, 3), without vision noise."""
+    vision = {"position_noise_m": 0.0}
+    scenario = om.load_scenario("rect", plant="planar", robot=robot, vision=vision)
     simulation = om.Simulation(scenario, ["p"], seeds=range(commands.shape[1]))
+    poses, twists = [], []
     for command in commands:
         simulation.observe()
         simulation.step(command)
-    return simulation
+        poses.append(simulation.plant.pose())
+        twists.append(simulation.plant.twist())
+    return np.array(poses), np.array(twists)
 
 
-@cache
 def test_traction_limits_are_those_against_drag() -> None:
     """Figures of docs/explanation/physics.md for tigers-v2016."""
     facts = om.load_robot("tigers-v2016").facts
@@ -223,6 +213,7 @@ def test_traction_limits_are_those_against_drag() -> None:
     assert asked / limits[1] == pytest.approx(0.64, abs=0.01)
 
 
+@cache
 def measure_lag_and_friction_loss(robot: str) -> list[tuple[float, float]]:
     """Return lag, s, and friction loss, m/s, forward and sideways, by small steps of speed.
 
@@ -234,24 +225,12 @@ def measure_lag_and_friction_loss(robot: str) -> list[tuple[float, float]]:
     base = np.linspace(0.25, 0.45, 5)  # well above the friction loss
     cases = [(axis, sign * step, speed) for axis in (0, 1) for sign in (1, -1) for speed in base]
     rows, axes = np.arange(len(cases)), np.array([axis for axis, _, _ in cases])
-    scenario = om.load_scenario(
-        "rect", plant="planar", robot=robot, vision={"position_noise_m": 0.0}
-    )
-    sim = om.Simulation(scenario, ["p"], seeds=range(len(cases)))
-    speeds, positions = [], []
-    for frame in range(frames_before + frames_after + 20):
-        sim.observe()
-        command = np.zeros((len(cases), 3))
-        command[rows, axes] = [
-            speed + (change if frame >= frames_before else 0.0) for _, change, speed in cases
-        ]
-        sim.step(command)
-        speeds.append(sim.plant.twist()[rows, axes])
-        positions.append(sim.plant.pose()[rows, axes])
-    start_speeds, end_speeds = (
-        np.mean(speeds[frames_before - 20 : frames_before], axis=0),
-        np.mean(speeds[-20:], axis=0),
-    )
+    commands = np.zeros((frames_before + frames_after + 20, len(cases), 3))
+    commands[:, rows, axes] = [speed for _, _, speed in cases]
+    commands[frames_before:, rows, axes] += [change for _, change, _ in cases]
+    positions, speeds = (values[:, rows, axes] for values in simulate(robot, commands))
+    start_speeds = speeds[frames_before - 20 : frames_before].mean(0)
+    end_speeds = speeds[-20:].mean(0)
     distance = positions[frames_before + frames_after - 1] - positions[frames_before - 1]
     lag_s = (end_speeds * frames_after / 60 - distance) / (end_speeds - start_speeds) - delay / 60
     lags, starts = (values.reshape(2, 2, len(base)).mean(1) for values in (lag_s, start_speeds))
@@ -289,7 +268,8 @@ def test_assumptions_match_the_simulated_robot(name: str) -> None:
     assert assumed.assumed_friction_loss_m_s == pytest.approx(
         (facts["friction_loss_forward_m_s"] + facts["friction_loss_sideways_m_s"]) / 2, abs=1e-3
     )
-    reached = np.diag(simulate(name, np.tile(np.eye(3)[:2], (90, 1, 1))).plant.twist()[:, :2])
+    _, twists = simulate(name, np.tile(np.eye(3)[:2], (90, 1, 1)))
+    reached = np.diag(twists[-1, :, :2])
     reached = reached / (
         1 - np.array([facts["friction_loss_forward_m_s"], facts["friction_loss_sideways_m_s"]])
     )

@@ -10,10 +10,9 @@ from commands import invoke
 
 from omni_control.install_hints import describe_installation
 
-RECT = ("--scenario", "rect", "--plant", "planar")
 COMMANDS = {  # extra -> command that needs it
-    "mpc": ("compare", *RECT, "--controller", "flc", "--controller", "mpc"),
-    "fast": ("loop", "--plant", "planar", "--controller", "p", "--set", "physics.backend=jax"),
+    "mpc": "compare --scenario rect --plant planar --controller flc --controller mpc",
+    "fast": "loop --plant planar --controller p --set physics.backend=jax",
 }
 # Origin of an installation (PEP 610) -> options of pip and requirement
 ORIGINS = {
@@ -56,7 +55,7 @@ def test_a_missing_package_is_named_before_anything_is_written(
     monkeypatch.chdir(tmp_path)
     for package in ("piqp", "jax"):
         monkeypatch.setitem(sys.modules, package, None)  # as if it were not installed
-    assert invoke(*COMMANDS[extra], "--out out") == 2
+    assert invoke(COMMANDS[extra], "--out out") == 2
     (line,) = capsys.readouterr().err.splitlines()
     assert describe_installation(extra) in line
     assert not (tmp_path / "out").exists()

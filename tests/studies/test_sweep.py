@@ -18,12 +18,12 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 from benches import studies as bench
-from commands import invoke
+from commands import invoke, split_words
 
 import omni_mj as om
 
 SHORT = {"waypoints": [[0, 0], [0.2, 0.1]], "settle_s": 0.2}
-ROUTE = ("--set", "reference.waypoints=[[0, 0], [0.2, 0.1]]", "--set", "reference.settle_s=0.2")
+ROUTE = "--set reference.waypoints=[[0, 0], [0.2, 0.1]] --set reference.settle_s=0.2"
 VARY = {"radio.delay_frames": [0, 4], "kinematic.alpha_low": [0.7, 0.9]}
 NAMES = ["p", "flc"]
 LONG = om.load_scenario("rect", plant="kinematic", reference={"laps": 300})
@@ -39,12 +39,12 @@ def run_sweep(folder: Path, **options: Any) -> bench.SweepResult:
 
 def sweep_command(folder: Path) -> list[str]:
     """Return the command of the same sweep."""
-    return [
-        "sweep", "--quiet", *ROUTE,
-        "--scenario", "rect", "--plant", "kinematic", "--seeds", "3", "--batch-size", "2",
-        "--vary", "radio.delay_frames=0:4:2", "--vary", "kinematic.alpha_low=0.7,0.9",
-        "--controller", "p", "--controller", "flc", "--out", str(folder),
-    ]  # fmt: skip
+    return split_words(
+        f"sweep --quiet {ROUTE} --scenario rect --plant kinematic --seeds 3 --batch-size 2",
+        "--vary radio.delay_frames=0:4:2 --vary kinematic.alpha_low=0.7,0.9",
+        "--controller p --controller flc --out",
+        folder,
+    )
 
 
 def bits(table: pa.Table) -> dict[str, list[str]]:
@@ -173,7 +173,7 @@ def test_killed_process_loses_no_finished_shard(
     process.kill()
     process.wait()
     assert len(list(folder.glob("shards/*.parquet"))) >= 2
-    assert invoke(*sweep_command(folder)) == 0
+    assert invoke(sweep_command(folder)) == 0
     assert capsys.readouterr() == ("", "")
     assert bits(pq.read_table(folder / "rows.parquet")) == bits(complete_sweep.rows())
     assert (folder / "sweep.png").stat().st_size > 10_000
@@ -321,7 +321,7 @@ def test_cluster_with_a_killed_worker_and_processes_give_the_same(
     assert bits(run_sweep(tmp_path / "jobs", batch_size=8, jobs=2).rows()) == bits(
         complete_sweep.rows()
     )
-    assert invoke(*sweep_command(tmp_path / "command"), "--cluster", address) == 0
+    assert invoke(sweep_command(tmp_path / "command"), "--cluster", address) == 0
     assert bits(pq.read_table(tmp_path / "command" / "rows.parquet")) == bits(complete_sweep.rows())
 
 
@@ -366,16 +366,16 @@ def test_clusters_and_packages_that_are_not_there_leave_no_folder(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     for cluster, message in (
-        (("nonsense",), "no Dask scheduler answers at nonsense"),
-        (("tcp://127.0.0.1:9", "--jobs", "2"), "cannot be used with --cluster"),
+        ("nonsense", "no Dask scheduler answers at nonsense"),
+        ("tcp://127.0.0.1:9 --jobs 2", "cannot be used with --cluster"),
     ):
-        assert invoke(*sweep_command(tmp_path / "none"), "--cluster", *cluster) == 2
+        assert invoke(sweep_command(tmp_path / "none"), "--cluster", cluster) == 2
         assert message in capsys.readouterr().err
     for package in ("distributed", "jax"):
         monkeypatch.setitem(sys.modules, package, None)  # as if it were not installed
-    jax = ("--plant", "planar", "--vary", "physics.backend=numpy,jax")
-    for options in (("--cluster", "tcp://127.0.0.1:9"), jax):
-        assert invoke(*sweep_command(tmp_path / "none"), *options) == 2
+    jax = "--plant planar --vary physics.backend=numpy,jax"
+    for options in ("--cluster tcp://127.0.0.1:9", jax):
+        assert invoke(sweep_command(tmp_path / "none"), options) == 2
         assert "which is not installed; install it with" in capsys.readouterr().err
     assert not (tmp_path / "none").exists()
 
@@ -452,23 +452,10 @@ def test_correlations_and_worst_runs_are_reported(
 ) -> None:
     """The dead time correlates, friction does not; a command repeats the worst run bit for bit."""
     folder = tmp_path / "s"
-    options = [
-        "--scenario",
-        "rect",
-        "--plant",
-        "kinematic",
-        "--controller",
-        "p",
-        "--seeds",
-        "12",
-        "--out",
-    ]
-    distributions = (
-        "radio.delay_frames={uniform = [0, 8]}",
-        "carpet.friction={uniform = [0.4, 0.9]}",
-    )
-    sets = (word for setting in distributions for word in ("--set", setting))
-    assert invoke("sweep", *options, folder, *ROUTE, *sets) == 0
+    options = "--scenario rect --plant kinematic --controller p --seeds 12 --out"
+    delay = "--set radio.delay_frames={uniform=[0,8]}"
+    friction = "--set carpet.friction={uniform=[0.4,0.9]}"
+    assert invoke("sweep", options, folder, ROUTE, delay, friction) == 0
     assert "radio.delay_frames" in capsys.readouterr().out
     summary = json.loads((folder / "summary.json").read_text())
     correlations = {line["setting"]: line["position_max_m"] for line in summary["correlations"]}
@@ -477,7 +464,7 @@ def test_correlations_and_worst_runs_are_reported(
     worst = summary["worst"][0]
     assert worst["position_max_m"] == max(row["position_max_m"] for row in rows)
     assert (
-        invoke(*shlex.split(worst["repeat_command"])[1:], "--no-figures --out", tmp_path / "again")
+        invoke(shlex.split(worst["repeat_command"])[1:], "--no-figures --out", tmp_path / "again")
         == 0
     )
     again = json.loads((tmp_path / "again/summary.json").read_text())["scenarios"]["rect"][
@@ -506,14 +493,15 @@ def test_worst_runs_are_the_earliest_failures(tmp_path: Path) -> None:
 
 def test_the_command_of_the_worst_run_has_values_of_all_types(tmp_path: Path) -> None:
     """Truth values, texts and numbers, in a folder whose name needs quotes."""
-    axes = ("firmware.thermal_derating=true", "wheels.model=two-rollers", "carpet.friction=0.5,0.6")
-    options = [word for axis in axes for word in ("--vary", axis)]
+    options = "--vary firmware.thermal_derating=true --vary wheels.model=two-rollers"
     folder = tmp_path / "it's $1"
-    words = ("--scenario", "rect", "--plant", "kinematic", *ROUTE, "--controller", "p")
-    assert invoke("sweep", *words, *options, "--out", folder, "--quiet") == 0
+    words = (
+        f"--scenario rect --plant kinematic {ROUTE} --controller p --vary carpet.friction=0.5,0.6"
+    )
+    assert invoke("sweep", words, options, "--out", folder, "--quiet") == 0
     worst = json.loads((folder / "summary.json").read_text())["worst"][0]
     command = shlex.split(worst["repeat_command"])[1:]
-    assert invoke(*command, "--no-figures --no-record --out", tmp_path / "again") == 0
+    assert invoke(command, "--no-figures --no-record --out", tmp_path / "again") == 0
 
 
 def test_points_have_failure_rates_and_medians_with_intervals(

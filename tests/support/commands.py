@@ -28,12 +28,13 @@ BARE = "--no-record --no-figures --quiet"
 def split_words(*args: object) -> list[str]:
     """Return the words of a command line.
 
-    Text is split at spaces, except for those in brackets. Everything else, such as a path, is one
-    word.
+    Text is split at spaces, except for those in brackets. Words in a list remain as they are, and
+    anything else, such as a path, is one word.
     """
     words: list[str] = []
     for arg in args:
-        words += WORD.findall(arg) if isinstance(arg, str) else [str(arg)]
+        texts = arg if isinstance(arg, list) else [str(arg)]
+        words += WORD.findall(arg) if isinstance(arg, str) else texts
     return words
 
 

@@ -3,7 +3,6 @@
 from collections.abc import Callable, Sequence
 from typing import Any
 
-import mujoco as mj
 import numpy as np
 import pytest
 from numpy.typing import ArrayLike, NDArray
@@ -247,15 +246,3 @@ def mass_matrices(plant: PlanarPlant) -> tuple[NDArray, NDArray]:
     body = plant.parameters.body
     rims = body.jacobian[:, :, 0]
     return body.mass_rate[..., 0] / 960, rims @ rims.T / (960 * body.hub_gain[0])
-
-
-def model_arrays(model: mj.MjModel) -> dict[str, Any]:
-    """Return all arrays and numbers of a model by name, without names and keyframes."""
-    skipped = ("_", "name", "key_", "nname", "nkey", "nbuffer", "signature")
-    values = {}
-    for owner, prefix in ((model, ""), (model.opt, "opt."), (model.stat, "stat.")):
-        for name in dir(owner):
-            value = getattr(owner, name) if not name.startswith(skipped) else None
-            if isinstance(value, np.ndarray | int | float):
-                values[prefix + name] = value
-    return values

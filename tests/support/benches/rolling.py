@@ -18,7 +18,6 @@ TWISTS = np.array(
         [0, 0, TURN_RATE_RAD_S],
     ]
 )
-FLOORS = ("plane", "box", "hfield")
 
 
 def make_floor(floor: str, **options: Any) -> mujoco.MjSpec:
