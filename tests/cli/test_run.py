@@ -205,7 +205,7 @@ def test_a_killed_run_is_marked_unfinished_and_can_be_overwritten(
     """After SIGKILL, the folder has a summary that says so and no complete files."""
     out = tmp_path / "out"
     process = subprocess.Popen([*PROGRAM, "--no-record", "--quiet", *ENDLESS.split(), out])
-    assert appears(out / "scenario.toml")
+    assert appears(out / "summary.json")
     process.kill()
     process.wait()
     summary = strict(out / "summary.json")
