@@ -33,6 +33,11 @@ from omni_control.reference.target_reference import TargetReference, as_robot_in
 # Called with the indices (m,) of the robots that failed, and the reason.
 FailureHandler = Callable[[NDArray[np.intp], ControllerError], None]
 
+REVERSED_HEADING = (
+    "vision reports the opposite of the heading with which the robot follows its commands: "
+    "check its pattern and the camera"
+)
+
 
 @explain_types
 class Team:
@@ -191,6 +196,9 @@ class Team:
         self._sent.append(self.last_command)
         tracker = self._tracker
         accepted = tracker.update(measured, age, self._sent)
+        if np.count_nonzero(tracker.is_reversed):
+            reason = ControllerError(REVERSED_HEADING)
+            self._fail(np.flatnonzero(tracker.is_reversed), reason)
         self.estimate, self.twist = tracker.pose, tracker.twist
         for values in (tracker.pose, tracker.twist, accepted, age):
             values.flags.writeable = False

@@ -5,7 +5,14 @@ import pytest
 from benches.control import Array, Reference, make_controller
 from closed_loop import WHEELS, CreepingPlant, T, make_vision_noise, run_team
 
-from omni_control import IteratedReference, MotionLimits, Team, TeamModel, TimedReference
+from omni_control import (
+    ControllerError,
+    IteratedReference,
+    MotionLimits,
+    Team,
+    TeamModel,
+    TimedReference,
+)
 
 LIMITS = MotionLimits()
 PATH = [[0.0, 0.0, 0.0], [1.2, 0.4, 1.5], [0.5, 0.8, -1.0]]
@@ -101,6 +108,17 @@ def test_frozen_vision_does_not_reverse_the_heading(name: str) -> None:
     assert heading.max() < np.radians(45)
     assert heading[-1].max() < np.radians(3)
     assert distance[-1].max() < 0.01
+
+
+def test_a_robot_with_a_reversed_pattern_is_stopped_with_a_message() -> None:
+    """Vision reports it for two seconds while the robot follows its commands."""
+    with pytest.raises(ControllerError, match="opposite of the heading"):
+        run_team(
+            team("comp-flc"),
+            CreepingPlant(np.zeros((1, 3))),
+            ROUTE.frames,
+            camera=lambda frame, image, last: image + np.pi * np.array([0, 0, frame > 30]),
+        )
 
 
 def test_a_wrong_dead_time_is_identified_and_robots_come_to_rest() -> None:

@@ -18,6 +18,7 @@ from omni_control import MotionLimits, Team, TeamModel
 
 LIMITS = MotionLimits(3.7, 4.7, 26.0, 50.8)
 NOW = np.zeros(1)  # age of a measurement that is captured as it arrives, s
+REST = np.zeros((1, 3))  # commanded displacement
 seeds = st.integers(0, 2**32 - 1)
 
 
@@ -47,7 +48,7 @@ def test_possible_motions_pass_unchanged(seed: int, missed: float) -> None:
     poses, ages = simulate_collisions(np.random.default_rng(seed), 60, 5, missed)
     gate = make_gate(5)
     for pose, age in zip(poses, ages, strict=True):
-        np.testing.assert_array_equal(gate.reject_outliers(pose, age), pose)
+        np.testing.assert_array_equal(gate.reject_outliers(pose, age, 0 * pose), pose)
 
 
 @given(seeds, st.floats(0.18, 10.0), st.floats(-np.pi, np.pi))
@@ -59,7 +60,7 @@ def test_another_robot_is_rejected(seed: int, distance: float, direction: float)
     for _ in range(100):
         is_wrong = not is_wrong and rng.random() < 0.5
         pose = NOISE * rng.standard_normal((1, 3))
-        accepted = gate.reject_outliers(pose + is_wrong * offset, NOW)
+        accepted = gate.reject_outliers(pose + is_wrong * offset, NOW, REST)
         np.testing.assert_array_equal(accepted, np.nan if is_wrong else pose)
 
 
@@ -74,7 +75,7 @@ def test_reversed_headings_are_corrected(seed: int, heading: float, rate: float)
         in_a_row = in_a_row + 1 if is_reversed else 0
         measured = true.copy()
         measured[:, 2] = wrap_angle(true[:, 2] + np.pi * is_reversed)
-        accepted = gate.reject_outliers(measured, NOW)
+        accepted = gate.reject_outliers(measured, NOW, REST)
         np.testing.assert_array_equal(accepted[:, :2], true[:, :2])
         assert abs(wrap_angle(accepted[0, 2] - true[0, 2])) < 1e-14
 
@@ -92,10 +93,10 @@ def test_the_gate_recovers_within_ten_measurements(
     for _ in range(rng.integers(0, 60)):
         measured = rng.uniform(-4, 4, (3, 3))
         measured[rng.random(3) < missed] = np.nan
-        gate.reject_outliers(measured, rng.uniform(0, 0.2, 3))
+        gate.reject_outliers(measured, rng.uniform(0, 0.2, 3), 0 * measured)
     for k in range(3 * OUTLIERS_TO_ACCEPT):
         measured = to_measured_pose(np.array(pose) + NOISE * rng.standard_normal((3, 3)))
-        accepted = gate.reject_outliers(measured, np.zeros(3))
+        accepted = gate.reject_outliers(measured, np.zeros(3), 0 * measured)
         if k >= OUTLIERS_TO_ACCEPT - 1:
             np.testing.assert_array_equal(accepted[:, :2], measured[:, :2])
         if k >= 2 * OUTLIERS_TO_ACCEPT - 2:  # headings are checked once the position is accepted
@@ -106,9 +107,9 @@ def test_after_a_frozen_image_a_robot_may_be_as_far_as_it_can_have_driven() -> N
     """The frozen image is accepted. Afterwards it counts with its true age."""
     gate, frozen = make_gate(1), np.array([[0.1, 0.2, 0.3]])
     for _ in range(20):
-        np.testing.assert_array_equal(gate.reject_outliers(frozen, NOW), frozen)
+        np.testing.assert_array_equal(gate.reject_outliers(frozen, NOW, REST), frozen)
     measured = frozen + np.array([1.5, 0.0, 0.0])  # 4.5 m/s
-    np.testing.assert_array_equal(gate.reject_outliers(measured, NOW), measured)
+    np.testing.assert_array_equal(gate.reject_outliers(measured, NOW, REST), measured)
 
 
 @given(st.floats(0.0, 3.5), st.floats(-np.pi, np.pi))
@@ -121,13 +122,64 @@ def test_a_moving_robot_does_not_stop_dead(speed: float, direction: float) -> No
     for repeats in (4, REPEATS_TO_ACCEPT + 4):
         gate = make_gate(1)
         for k in range(3):
-            gate.reject_outliers(k * step + 0.1, NOW)
-        x = np.array([gate.reject_outliers(2 * step + 0.1, NOW)[0, 0] for _ in range(repeats)])
+            gate.reject_outliers(k * step + 0.1, NOW, REST)
+        x = np.array(
+            [gate.reject_outliers(2 * step + 0.1, NOW, REST)[0, 0] for _ in range(repeats)]
+        )
         rejected = REPEATS_TO_ACCEPT - 1 if speed > 0.01 else 0
         if abs(speed - 0.01) > 1e-6:
             np.testing.assert_array_equal(np.isnan(x), np.arange(repeats) < rejected)
         measured = (3 + repeats) * step + 0.1
-        np.testing.assert_array_equal(gate.reject_outliers(measured, NOW), measured)
+        np.testing.assert_array_equal(gate.reject_outliers(measured, NOW, REST), measured)
+
+
+def test_an_image_that_repeats_under_commands_is_frozen() -> None:
+    """It begins at rest, before commands of 1 m/s for 10 s. One equal coordinate means nothing."""
+    gate, command = make_gate(2), T * np.tile([1.0, 0.0, 0.0], (2, 1))
+    image = np.array([[0.1, 0.2, 0.3], [0.1, 0.2, 0.3]])
+    for k in range(660):
+        image[1, 1:] += 0.001
+        accepted = gate.reject_outliers(image, np.zeros(2), command * (k >= 60))
+        is_frozen = np.isnan(accepted[:, 0]).tolist()
+        assert is_frozen == [k >= 63, False]  # after the third 1.7 cm
+
+
+@given(st.floats(0.0, 0.1))
+def test_distance_counts_the_time_between_captures(age: float) -> None:
+    """A robot at 7 m/s is measured `age` late and then without delay, in turns."""
+    gate = make_gate(1)
+    for k in range(20):
+        late = np.array([age * (k % 2 == 0)])
+        measured = np.array([[7.0 * (k * T - late[0]), 0.0, 0.0]])
+        np.testing.assert_array_equal(gate.reject_outliers(measured, late, REST), measured)
+
+
+def report(gate: OutlierGate, direction: int, turn: float, shift: float = 0.0) -> list[bool]:
+    """Return whether headings are believed, of a robot that turns at once in frame 30.
+
+    It then moves along (1) its commands of 1 m/s or against them (-1).
+    """
+    believed, command = [], np.array([[T, 0.0, 0.0]])
+    for k in range(200):
+        is_turned = k >= 30
+        position = T * (k if not is_turned else 30 + direction * (k - 30)) + shift * is_turned
+        measured = np.array([[position, 0.0, turn * is_turned]])
+        accepted = gate.reject_outliers(measured, NOW, command)
+        believed.append(bool(abs(wrap_angle(accepted - measured)[0, 2]) < 1e-9))
+    return believed[30:]
+
+
+def test_a_reversed_heading_is_believed_if_motion_contradicts_its_correction() -> None:
+    """A carried robot is believed after ten images, a reversed pattern never."""
+    gate = make_gate(1)
+    assert not any(report(gate, 1, np.pi))
+    assert gate.is_reversed[0]
+    against = make_gate(1)
+    assert report(against, -1, np.pi).index(True) in range(9, 15)
+    assert not against.is_reversed[0]
+    for turn, shift in ((2.5, 0.0), (np.pi, 0.1)):
+        carried = report(make_gate(1), 1, turn, shift)
+        assert carried == [False] * 9 + [True] * 161
 
 
 @settings(max_examples=12)

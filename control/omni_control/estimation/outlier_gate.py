@@ -15,17 +15,21 @@ exp(-r^2 / (4 s^2)). The margin for noise is the r at which this is `FALSE_ALARM
 this time, the camera has read the pattern backwards. The gate turns the heading by 180 degrees.
 
 **Frozen images.** A repeated measurement is accepted if the robot may be at standstill: if its
-apparent speed, by motion or noise, was at most `STANDSTILL_SPEED_M_S`. Otherwise only a robot that
-stops within a frame and is measured without noise could repeat a measurement bit for bit. The
-repeated measurement is then rejected, until it has arrived `REPEATS_TO_ACCEPT` times, 5 s at 60 Hz.
-The next different measurement may be as far away as the robot can drive in the time since the
-frozen measurement was captured.
+apparent speed, by motion or noise, was at most `STANDSTILL_SPEED_M_S`, and the commands since then
+would have moved it by at most `FROZEN_DISTANCE_M`. Otherwise it is rejected, however often it
+arrives. Only without such commands, number `REPEATS_TO_ACCEPT` is accepted, 5 s at 60 Hz: a robot
+may have stopped within a frame, measured without noise. The next different measurement may be as
+far away as the robot can drive in the time since the frozen measurement was captured.
 
 **Recovery.** A robot may be carried away, and the accepted measurement may have been the wrong one.
 Of measurements in a row that are too far away, number n = `OUTLIERS_TO_ACCEPT` is therefore
-accepted. The same holds for headings. If a fraction q of all measurements is wrong, independently
-of each other, a wrong one is accepted once in 1 / ((1 - q) q^n) frames: once in 67 minutes for
-q = 0.3.
+accepted. The same holds for headings that are not reversed exactly, or whose position has jumped.
+If a fraction q of all measurements is wrong, independently of each other, a wrong one is accepted
+once in 1 / ((1 - q) q^n) frames: once in 67 minutes for q = 0.3.
+
+**Reversed for long.** Commands are sent relative to the robot's heading. A robot that was turned
+around by hand therefore moves against its commands as long as its heading is corrected. It is then
+believed. If it moves along its commands, its pattern or the camera is wrong: `is_reversed`.
 """
 
 import math
@@ -47,6 +51,15 @@ COLLISION_SPEED_RATIO = 2.0  # speed after a collision over the speed before
 FALSE_ALARM_PROBABILITY = 1e-9  # per measurement: noise alone exceeds the margin
 OUTLIERS_TO_ACCEPT = 10  # in a row, until one is accepted
 REPEATS_TO_ACCEPT = 300  # of a measurement of a robot that was moving, until one is accepted
+FROZEN_DISTANCE_M = 0.05  # commanded since a measurement, beyond which it does not repeat
+MOVING_SPEED_M_S = 0.1  # commanded speed that moves a robot in spite of dry friction
+ARM_M = 0.08  # distance from the center to the rim of a robot, to compare turns and translations
+# Largest difference of a reversal from 180 degrees, with the robot's own turn, and largest jump of
+# the position with it. Beyond, the robot was carried.
+MAX_REVERSAL_ERROR, MAX_REVERSAL_JUMP_M = math.radians(20), 0.03
+TURNED_DISTANCE_M = 0.05  # driven against commands, after which a reversed heading is believed
+# Headings in a row, and distance driven along commands with them, after which the pattern is wrong.
+REVERSED_TO_FAIL, REVERSED_DISTANCE_M = 120, 0.2
 # Largest distance between two measurements that noise alone explains, in standard deviations.
 NOISE_MARGIN = 2 * math.sqrt(-math.log(FALSE_ALARM_PROBABILITY))
 
@@ -59,6 +72,10 @@ class OutlierGate:
         limits: Command limits of each robot. Other robots may be faster: the gate assumes at least
             `SIMULATOR_LIMITS`.
         period: Length of a frame, s.
+
+    Attributes:
+        is_reversed: Robots whose heading is reported reversed while they follow their commands,
+            (n,).
     """
 
     def __init__(self, noise: Array, limits: Sequence[MotionLimits], period: float) -> None:
@@ -71,6 +88,10 @@ class OutlierGate:
         self._accepted_age, self._elapsed, self._apparent_speed = np.zeros((3, n))
         # Numbers of measurements in a row that were too far away, reversed, or repeated.
         self._far_count, self._reversed_count, self._repeat_count = np.zeros((3, n))
+        # Commanded distance since the last fresh measurement, and distance driven along the
+        # commands since the heading is reversed, m.
+        self._commanded_distance, self._driven_distance = np.zeros((2, n))
+        self._was_carried, self.is_reversed = np.zeros((2, n), bool)
 
     def change_margins(self, noise: Array, limits: Sequence[MotionLimits]) -> None:
         """Change noise and limits from now on; see the constructor."""
@@ -79,12 +100,13 @@ class OutlierGate:
         self._max_speed = COLLISION_SPEED_RATIO * speed
         self._noise_margin = NOISE_MARGIN * noise[:, 0]
 
-    def reject_outliers(self, measured_pose: Array, age: Array) -> Array:
+    def reject_outliers(self, measured_pose: Array, age: Array, displacement: Array) -> Array:
         """Return the accepted poses (n, 3), headings in (-pi, pi]; NaN for rejected ones.
 
         Args:
             measured_pose: Measured poses (n, 3), NaN without a measurement.
             age: Time from the capture of each measurement to this frame, (n,) s.
+            displacement: Commanded displacement since the previous frame, (n, 3), m and rad.
         """
         self._elapsed = self._elapsed + self._period
         # Not below the time between the captures, nor, since the clocks of cameras may be wrong,
@@ -95,14 +117,20 @@ class OutlierGate:
         max_distance = self._max_speed * interval + self._noise_margin
         plausible = (distance > 0) & (distance <= max_distance) & (np.abs(change[:, 2]) < np.pi / 2)
         if np.count_nonzero(plausible) < len(plausible):  # faster than .all() on small arrays
+            commanded = np.hypot(displacement[:, 0], displacement[:, 1])
+            commanded += ARM_M * np.abs(displacement[:, 2])
+            is_moved = commanded > MOVING_SPEED_M_S * self._period
+            self._commanded_distance = self._commanded_distance + is_moved * commanded
+            along = (change * displacement)[:, :2].sum(1) / np.maximum(commanded, 1e-9)
             return self._apply_all_checks(
-                measured_pose, age, interval, change, distance, max_distance
+                measured_pose, age, interval, change, max_distance, is_moved * along
             )
         # The usual case ends here, because all checks take as long as an update of the filter.
         self._last_measured = self._last_accepted = measured_pose
         self._accepted_age, self._elapsed = age, self._zeros
         self._apparent_speed = distance / interval
         self._far_count = self._reversed_count = self._repeat_count = self._zeros
+        self._commanded_distance = self._driven_distance = self._zeros
         return measured_pose
 
     def _apply_all_checks(
@@ -111,8 +139,8 @@ class OutlierGate:
         age: Array,
         interval: Array,
         change: Array,
-        distance: Array,
         max_distance: Array,
+        along: Array,
     ) -> Array:
         """Return the accepted poses (n, 3) after all checks of the module's docstring.
 
@@ -121,9 +149,10 @@ class OutlierGate:
             age: Age of the measurements, (n,) s.
             interval: Time since the capture of the last accepted measurement, (n,) s.
             change: Difference from the last accepted poses, (n, 3).
-            distance: Distance from the last accepted positions, (n,) m.
             max_distance: Highest distance that a robot can have moved, plus noise, (n,) m.
+            along: Part of the change along the commanded displacement, (n,) m.
         """
+        distance = np.hypot(change[:, 0], change[:, 1])
         is_repeated = (measured_pose == self._last_measured).all(1)
         is_visible = ~np.isnan(measured_pose[:, 0])
         is_far = is_visible & (distance > max_distance)
@@ -135,12 +164,24 @@ class OutlierGate:
         is_frozen = is_repeated & is_new & (self._apparent_speed > STANDSTILL_SPEED_M_S)
         self._repeat_count = _count_in_a_row(self._repeat_count, is_frozen, is_visible)
         is_frozen &= self._repeat_count < REPEATS_TO_ACCEPT
+        is_frozen |= is_repeated & is_new & (self._commanded_distance > FROZEN_DISTANCE_M)
         is_accepted = is_visible & (~is_far | is_confirmed) & ~is_frozen
-        is_flipped = np.abs(wrap_angle(change[:, 2])) > np.pi / 2
+        turn = np.abs(wrap_angle(change[:, 2]))
         cannot_turn = self._max_turn_rate * interval < np.pi / 2
-        is_reversed = is_accepted & ~is_far & is_flipped & cannot_turn
+        is_reversed = is_accepted & ~is_far & (turn > np.pi / 2) & cannot_turn
         self._reversed_count = _count_in_a_row(self._reversed_count, is_reversed, is_accepted)
-        is_reversed &= self._reversed_count < OUTLIERS_TO_ACCEPT
+        driven = (self._driven_distance + along) * is_reversed
+        self._driven_distance = np.where(is_accepted, driven, self._driven_distance)
+        is_turned = self._driven_distance < -TURNED_DISTANCE_M
+        is_jump = distance > COLLISION_SPEED_RATIO * self._apparent_speed * interval
+        is_jump &= distance > MAX_REVERSAL_JUMP_M
+        is_carried = is_jump | (turn < np.pi - MAX_REVERSAL_ERROR)
+        # Only the first change shows it: the last accepted heading is then a corrected one.
+        self._was_carried = np.where(self._reversed_count > 1, self._was_carried, is_carried)
+        is_turned |= self._was_carried
+        is_reversed &= ~is_turned | (self._reversed_count < OUTLIERS_TO_ACCEPT)
+        self.is_reversed = is_reversed & (self._reversed_count >= REVERSED_TO_FAIL)
+        self.is_reversed &= self._driven_distance > REVERSED_DISTANCE_M
 
         accepted = np.where(is_accepted[:, None], measured_pose, np.nan)
         accepted[is_reversed, 2] = wrap_angle(accepted[is_reversed, 2] + np.pi)
@@ -150,6 +191,7 @@ class OutlierGate:
         self._apparent_speed = np.where(is_fresh, distance / interval, self._apparent_speed)
         self._accepted_age = np.where(is_fresh, age, self._accepted_age)
         self._elapsed = self._elapsed * ~is_fresh
+        self._commanded_distance = self._commanded_distance * ~is_fresh
         return accepted
 
 

@@ -217,6 +217,11 @@ class VisionTracker:
         self._compact_latency = float(latency[0, 0]) if np.ptp(latency) == 0 else latency
         self.memory_frames = math.ceil(latency.max()) + 1
 
+    @property
+    def is_reversed(self) -> NDArray[np.bool_]:
+        """Robots whose heading stays reversed in the measurements, (n,)."""
+        return self._gate.is_reversed
+
     def update(self, measured_pose: Array, age: Array, sent: CommandHistory) -> Array:
         """Update the estimates by measurements, and return the accepted measurements.
 
@@ -229,11 +234,11 @@ class VisionTracker:
         Returns:
             Measured poses that passed the outlier gate, (n, 3), NaN for all others.
         """
-        accepted = self._gate.reject_outliers(measured_pose, age)
+        displacement = sent.get_delayed(self._compact_latency) * self._period
+        accepted = self._gate.reject_outliers(measured_pose, age, displacement)
         if np.count_nonzero(age) or np.count_nonzero(self.steps[-1].frames_behind):
             self._update_delayed(accepted, age, sent)
         else:
-            displacement = sent.get_delayed(self._compact_latency) * self._period
             self.pose = self.filter.update(accepted, displacement, self._default_step)
             self.twist, self.steps = self.filter.twist, (self._default_step,)
         return accepted
