@@ -205,7 +205,7 @@ def test_a_late_heading_is_corrected_once(offset: float) -> None:
 def drive_straight(command: Array, limits: MotionLimits) -> RobotEkf:
     """Return the filter after commands forward (frames,) moved a robot with the gain 0.7."""
     ekf = RobotEkf(replace(MODEL, limits=limits), 1, tuple(NOISE))
-    sent, robot = CommandHistory(1, ekf.memory_frames), CreepingPlant(np.zeros((1, 3)), 6)
+    sent = CommandHistory(1, ekf.memory_frames)
     robot = CreepingPlant(np.zeros((1, 3)), 6, alpha=(0.7, 0.87, 0.98))
     for speed in command:
         ekf.update(make_observation(robot.pose, robot.pose, sent))
@@ -227,24 +227,27 @@ def test_no_gain_is_learned_while_the_limiter_acts() -> None:
 
 
 def test_gains_are_learned_more_slowly_in_hard_acceleration() -> None:
-    """The speed swings by 0.3 m/s about its mean, at 8 m/s^2, or not at all."""
+    """The command swings by 1 m/s about its mean, or not at all.
+
+    The speed swings by 0.3 m/s, which alone costs a factor of 3 in the variance.
+    """
     limits = MotionLimits(10.0, 1000.0, 26.0, 50.8)
     swing = 2 + np.sign(np.sin(np.arange(60) * np.pi / 4 + 0.1))
     variances = [
         drive_straight(command, limits).covariance[0, 11, 11] for command in (swing, 2 + 0 * swing)
     ]
-    assert variances[0] > 2 * variances[1]
+    assert variances[0] > 5 * variances[1]
 
 
 def test_a_hard_braking_robot_was_not_carried() -> None:
     """Measured without noise, wheels that stop dead look like a jump. The velocity follows it."""
     ekf, sent = RobotEkf(MODEL, 1, (1e-4, 1e-4, 1e-3)), CommandHistory(1, 40)
-    braking = 9.0 * T**2
+    braking = 9.8 * T**2  # by friction with a coefficient of 1
     for frame in range(90):
         velocity = ekf.state[0, VELOCITY].copy()
         measured = np.array([[2.0 * frame * T - braking * (frame == 89), 0.0, 0.0]])
         ekf.update(make_observation(measured, measured, sent))
-        sent.append(np.array([[2.0 / 0.92, 0.0, 0.0]]))
+        sent.append(np.array([[2.0 / 0.92 + 0.05, 0.0, 0.0]]))
     assert ekf.state[0, VELOCITY][0] < velocity[0] - 0.03
 
 

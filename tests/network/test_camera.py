@@ -182,6 +182,15 @@ def test_frozen_vision_repeats_the_last_image() -> None:
     assert (np.diff(poses[5:, 1, 0]) != 0).all()
 
 
+def test_a_frozen_image_repeats_the_last_detected_pose() -> None:
+    """The robot is not detected in the image before it."""
+    fault = make_fault("vision-freeze", 20, 15)
+    poses = measure_extrapolated([fault], miss_probability=0.5)[:, 0]
+    detected = poses[:20][~np.isnan(poses[:20, 0])]
+    assert np.isnan(poses[19, 0])
+    np.testing.assert_array_equal(poses[20:35], np.tile(detected[-1], (15, 1)))
+
+
 def test_biases_add_up_and_have_their_probability() -> None:
     """A bias of half a turn confuses front and back."""
     strong_bias, weak_bias = (
