@@ -1,16 +1,23 @@
 """Server of the page: one loop steps the robots, applies what the page asks for, and shows them."""
 
-import asyncio
+import gc
+import logging
 import math
+import re
+import socket
 import time
 from collections.abc import Callable, Mapping
 from contextlib import AbstractContextManager, redirect_stdout, suppress
 from functools import partial
+from http import HTTPStatus
 from pathlib import Path
 from typing import Any
 from urllib.parse import urlsplit
 
 import viser
+from websockets.asyncio import server
+from websockets.datastructures import Headers
+from websockets.http11 import Request, Response
 
 from omni_control.errors import OmniError
 from omni_mj.config import PERIOD_S, plugins
@@ -27,6 +34,8 @@ PLOT_PERIOD_S = 0.2
 IDLE_S = 0.03  # between checks while nothing moves
 CLOSED_S = 5.0  # without a page, after the last one was closed, until the program ends
 MAX_LAG_S = 0.1  # behind real time, after which frames are dropped
+
+REQUEST_S = 5.0  # until a connection must have sent its request
 
 LoadScenario = Callable[[str | None, Mapping[str, Any]], Scenario]
 
@@ -78,10 +87,9 @@ class PlayServer:
             raise OmniError(str(error)) from error
         self._own_name = scenario.name
         self._file_times: dict[str, float] = {}
-        with redirect_stdout(None):  # viser prints its address, which is not that of the page
-            self._viser = viser.ViserServer(LOOPBACK, port=0, verbose=False)
+        self._viser = self._start_viser(port)
         try:
-            self.url = f"http://{LOOPBACK}:{self._accept_browsers(port)}/"
+            self.url = f"http://{LOOPBACK}:{self._viser.get_port()}/"
             self.page = PlayPage(self, self._viser)
         except BaseException:
             self.close()
@@ -102,6 +110,7 @@ class PlayServer:
         Raises:
             StoppedError: A signal came.
         """
+        gc.freeze()  # the objects of imports, so that collections take 1 ms, not 0.1 s
         n_frames, due = 0, time.monotonic()
         plotted = rate_measured = due
         while not self._is_left():
@@ -176,6 +185,7 @@ class PlayServer:
                         step()
                 except (OmniError, TimeLimitError) as error:
                     self.page.show_message(str(error))
+        gc.collect()  # a restart leaves cycles with 2.4 MB of arrays
 
     def _reload_saved_files(self) -> None:
         """Restart with the new code of a controller's file that was saved."""
@@ -200,60 +210,83 @@ class PlayServer:
             self._seen_page_at = now
         return self._seen_page_at is not None and now - self._seen_page_at > CLOSED_S
 
-    def _accept_browsers(self, port: int | None) -> int:
-        """Accept connections of browsers, and return the port."""
-        loop = self._viser.get_event_loop()
-        for candidate in (DEFAULT_PORT, 0) if port is None else (port,):
-            server = asyncio.start_server(self._connect, LOOPBACK, candidate)
-            try:
-                listener = asyncio.run_coroutine_threadsafe(server, loop).result()
-            except OSError:
-                continue
-            return int(listener.sockets[0].getsockname()[1])
-        raise OmniError(f"port {port} is in use or not allowed; choose another one by --port")
+    def _start_viser(self, port: int | None) -> viser.ViserServer:
+        """Start viser on a port, with `_check_request` before its own answers.
 
-    async def _connect(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
-        """Pass a connection on to viser, or take the state from its link.
+        viser has no options for both, so its call of websockets' `serve` is completed.
 
-        Pages of other sites may not connect.
+        Raises:
+            OmniError: The port is in use, or viser does not call `serve`.
         """
+        listener, serve = _listen(port), server.serve
+        logger = logging.getLogger(__name__)
+        logger.setLevel(logging.CRITICAL)  # what others send is no error of this program
+
+        def serve_checked(
+            handler: Any, _host: str, _port: int, *, process_request: Any, **options: Any
+        ) -> Any:
+            def answer(connection: server.ServerConnection, request: Request) -> Response | None:
+                return self._check_request(request) or process_request(connection, request)
+
+            options |= {"open_timeout": REQUEST_S, "logger": logger}
+            return serve(handler, sock=listener, process_request=answer, **options)
+
+        server.serve = serve_checked  # type: ignore[assignment,misc]
         try:
-            head = await reader.readuntil(b"\r\n\r\n")
-        except (asyncio.IncompleteReadError, asyncio.LimitOverrunError, ConnectionError):
-            return writer.close()
-        lines = head.decode("latin-1").split("\r\n")
-        headers = dict(line.lower().split(": ", 1) for line in lines[1:] if ": " in line)
-        host = headers.get("host", "")
-        if host.partition(":")[0] not in (LOOPBACK, "localhost") or (
-            headers.get("origin", f"http://{host}") != f"http://{host}"
-        ):
-            return await _respond(writer, "403 Forbidden")
+            with redirect_stdout(None):  # viser prints its address, which is not that of the page
+                web = viser.ViserServer(LOOPBACK, port=0, verbose=False)
+        finally:
+            server.serve = serve  # type: ignore[misc]
+        if web.get_port() != listener.getsockname()[1]:
+            web.stop()
+            raise OmniError("this version of viser has another server; install viser 1.1")
+        return web
+
+    def _check_request(self, request: Request) -> Response | None:
+        """Return the refusal of a request or the answer to a link, or None for viser's answer.
+
+        Pages of other sites may not connect. They may only lead to this page, by a link. Programs
+        other than browsers send no fetch metadata, whose headers begin with Sec-.
+        """
+
+        def get(name: str) -> str:
+            # Several headers of a name, joined, are none that is accepted.
+            return ",".join(request.headers.get_all(name)).lower()
+
+        host = get("Host")
+        is_this_host = re.fullmatch(rf"({re.escape(LOOPBACK)}|localhost)(:\d+)?", host)
+        is_same_origin = get("Sec-Fetch-Site") in ("", "same-origin", "none")
+        is_prefetch = get("Sec-Purpose") or get("Purpose") or get("X-Moz")
+        is_navigation = (
+            get("Sec-Fetch-Mode") in ("", "navigate")
+            and get("Sec-Fetch-Dest") in ("", "document")
+            and not is_prefetch
+        )
+        is_link = request.path.startswith("/?")
+        is_allowed = is_navigation or (is_same_origin and not is_link)
+        if not (is_this_host and is_allowed and get("Origin") in ("", f"http://{host}")):
+            return _make_response(HTTPStatus.FORBIDDEN)
         if self._seen_page_at is not None:  # it may be reloaded before it is complete
             self._seen_page_at = time.monotonic()
-        query = urlsplit(lines[0].split(" ")[1]).query if lines[0].startswith("GET /?") else ""
-        if query:
-            self.request("link", lambda: self.session.restart(load_link(query)))
-            return await _respond(writer, "303 See Other\r\nLocation: /")
-        try:
-            to_viser = await asyncio.open_connection(LOOPBACK, self._viser.get_port())
-        except OSError:  # the program is ending
-            return writer.close()
-        to_viser[1].write(head)
-        await asyncio.gather(_pass_on(reader, to_viser[1]), _pass_on(to_viser[0], writer))
+        query = urlsplit(request.path).query if is_link else ""
+        if not query:
+            return None
+        self.request("link", lambda: self.session.restart(load_link(query)))
+        return _make_response(HTTPStatus.SEE_OTHER, Location="/")
 
 
-async def _respond(writer: asyncio.StreamWriter, status: str) -> None:
-    """Send an answer without content, and close the connection."""
-    writer.write(f"HTTP/1.1 {status}\r\nContent-Length: 0\r\nConnection: close\r\n\r\n".encode())
-    with suppress(ConnectionError):
-        await writer.drain()
-    writer.close()
+def _listen(port: int | None) -> socket.socket:
+    """Return a socket that listens on a port; see `PlayServer`.
+
+    Raises:
+        OmniError: The port is in use.
+    """
+    for candidate in (DEFAULT_PORT, 0) if port is None else (port,):
+        with suppress(OSError):
+            return socket.create_server((LOOPBACK, candidate))
+    raise OmniError(f"port {port} is in use or not allowed; choose another one by --port")
 
 
-async def _pass_on(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
-    """Copy bytes until the end of the stream."""
-    with suppress(ConnectionError):
-        while data := await reader.read(65_536):
-            writer.write(data)
-            await writer.drain()
-    writer.close()
+def _make_response(status: HTTPStatus, **headers: str) -> Response:
+    """Return an answer without content."""
+    return Response(status, status.phrase, Headers({"Content-Length": "0", **headers}))

@@ -8,11 +8,13 @@ from omni_control.controllers.registry import CONTROLLERS
 from omni_control.errors import OmniError, suggest_names
 from omni_mj.config.plugins import PLANTS, format_controller_spec
 from omni_mj.config.scenario import Scenario, load_with_overrides
+from omni_mj.config.settings import Settings
 from omni_mj.config.toml_files import find_builtin_files, format_toml_value
 
 Sections = dict[str, Any]
 
 NOT_IN_LINKS = ("fault", "model")  # sections with files and tables
+MAX_SEED_DIGITS = 30
 
 
 def format_link(scenario: Scenario) -> str:
@@ -69,12 +71,15 @@ def _load_builtin(values: Mapping[str, str]) -> Scenario:
         "plant": PLANTS,
         "controllers": CONTROLLERS,
     }
+    sections = [section for section in Settings.model_fields if section not in NOT_IN_LINKS]
     overrides, top_level = list[str](), dict[str, Any]()
     for key, value in values.items():
-        if "." in key:
+        section, dot, _ = key.partition(".")
+        if dot and section in sections:
             overrides.append(f"{key}={value}")
         elif key == "seed":
-            top_level[key] = int(value) if value.isdecimal() else value
+            is_number = value.isdecimal() and len(value) < MAX_SEED_DIGITS
+            top_level[key] = int(value) if is_number else value
         elif known := known_names.get(key):
             names = value.split(",")
             for name in names:
@@ -83,7 +88,6 @@ def _load_builtin(values: Mapping[str, str]) -> Scenario:
                     raise OmniError(f"unknown {key} {name!r} in a link; {hint}")
             top_level[key] = names if key == "controllers" else value
         else:
-            raise OmniError(f"a link has no {key!r}; {suggest_names(key, [*known_names, 'seed'])}")
-    if any(override.startswith(NOT_IN_LINKS) for override in overrides):
-        raise OmniError(f"a link cannot set {' or '.join(NOT_IN_LINKS)}")
+            names = [f"{name}." for name in sections] if dot else [*known_names, "seed"]
+            raise OmniError(f"a link has no {key!r}; {suggest_names(key, names)}")
     return load_with_overrides(top_level.pop("scenario", "rect"), overrides, top_level)

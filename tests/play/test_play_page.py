@@ -1,17 +1,21 @@
 """The page of `omni-mj play` in a real browser, and what others may ask of its server."""
 
+import gc
 import io
+import os
 import re
 import shutil
 import signal
 import socket
 import subprocess
 import sys
+import time
+import weakref
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager, suppress
+from contextlib import closing, contextmanager, suppress
 from pathlib import Path
 from typing import Any, NamedTuple
-from urllib.request import Request, urlopen
+from urllib.request import urlopen
 
 import numpy as np
 import pytest
@@ -20,12 +24,14 @@ from PIL import Image
 
 from omni_control.errors import OmniError
 from omni_mj.config.scenario import load_scenario
+from omni_mj.studies.run_scenario import StoppedError
 from omni_mj.viz import style
 
 pytest.importorskip("viser", reason="the extra play is not installed")
 import viser
 
 from omni_mj.play.live_plots import LivePlots
+from omni_mj.play.play_server import PlayServer
 from omni_mj.play.play_session import PlaySession
 from omni_mj.play.state_links import format_link, load_link
 
@@ -221,7 +227,7 @@ def test_a_signal_ends_a_file_that_hangs_whatever_it_catches(tmp_path: Path) -> 
         assert "of mine.py hangs and could not be stopped" in process.stderr.read()
 
 
-def test_pages_of_other_sites_are_refused_and_a_signal_frees_the_port(tmp_path: Path) -> None:
+def test_a_signal_frees_the_port(tmp_path: Path) -> None:
     """Also if a thread of a controller runs on. The first line says why links do not work."""
     mine = tmp_path / "mine.py"
     thread = "import threading, time\nthreading.Thread(target=time.sleep, args=(99,)).start()\n"
@@ -234,18 +240,108 @@ def test_pages_of_other_sites_are_refused_and_a_signal_frees_the_port(tmp_path: 
             url, note = line.split(maxsplit=1)
             assert "8642, which links in the lessons need, is in use" in note
             assert b"<html" in urlopen(url, timeout=10).read()
-            for headers in (
-                {"Host": "evil.example"},
-                {"Host": "[::1"},
-                {"Origin": "http://evil.example"},
-            ):
-                with pytest.raises(OSError, match="403"):
-                    urlopen(Request(url, headers=headers), timeout=10)
             process.send_signal(signal.SIGTERM)
             assert process.wait(TIMEOUT_S) == 128 + signal.SIGTERM
             assert process.stderr
             assert "but not a thread of a controller" in process.stderr.read()
     socket.create_server(("127.0.0.1", int(url.rstrip("/").rpartition(":")[2]))).close()
+
+
+NAVIGATION = {"Sec-Fetch-Mode": "navigate", "Sec-Fetch-Dest": "document"}
+OTHER_SITE = {"Sec-Fetch-Site": "cross-site"}
+OWN_SITE = {"Sec-Fetch-Site": "same-origin"}
+IMAGE = {"Sec-Fetch-Mode": "no-cors", "Sec-Fetch-Dest": "image"}
+WEBSOCKET = {
+    "Upgrade": "websocket",
+    "Connection": "Upgrade",
+    "Sec-WebSocket-Key": "dGhlIHNhbXBsZSBub25jZQ==",
+    "Sec-WebSocket-Version": "13",
+}
+# Headers, and the status of the page and of a link
+REQUESTS: list[tuple[dict[str, str], int, int]] = [
+    ({}, 200, 303),
+    ({"Host": "localhost"}, 200, 303),
+    ({"hOST": "evil.example"}, 403, 403),
+    ({"Host": "127.0.0.1.evil.example"}, 403, 403),
+    ({"Host": "[::1"}, 403, 403),
+    ({"Host": "127.0.0.1:80\r\nHost: evil.example"}, 403, 403),
+    ({"Origin": "http://evil.example"}, 403, 403),
+    ({"Origin": "null"}, 403, 403),
+    (WEBSOCKET | {"Origin": "http://evil.example"}, 403, 403),
+    (WEBSOCKET | {"Host": "evil.example:1", "Origin": "http://evil.example:1"}, 403, 403),
+    (NAVIGATION | OTHER_SITE, 200, 303),
+    (NAVIGATION | {"Sec-Fetch-Site": "none"}, 200, 303),
+    (NAVIGATION | OTHER_SITE | {"Sec-Fetch-Dest": "iframe"}, 403, 403),
+    (NAVIGATION | OTHER_SITE | {"Sec-Purpose": "prefetch;prerender"}, 403, 403),
+    (IMAGE | OTHER_SITE, 403, 403),
+    (IMAGE | {"Sec-Fetch-Site": "same-site"}, 403, 403),
+    (IMAGE | OWN_SITE, 200, 403),
+]
+
+
+@pytest.fixture(scope="module")
+def served() -> Iterator[tuple[int, int]]:
+    """Port and process of a page."""
+    with play("--plant", "kinematic") as (url, process):
+        yield int(url.rstrip("/").rpartition(":")[2]), process.pid
+
+
+def send(port: int, path: str, headers: dict[str, str]) -> bytes:
+    """Return the first line of the answer to a request, by a socket of its own."""
+    lines = [f"GET {path} HTTP/1.1", *map(": ".join, headers.items())]
+    if "host" not in map(str.lower, headers):
+        lines.append(f"Host: 127.0.0.1:{port}")
+    with socket.create_connection(("127.0.0.1", port), timeout=10) as connection:
+        connection.sendall("\r\n".join([*lines, "", ""]).encode())
+        return connection.recv(4096).partition(b"\r\n")[0]
+
+
+@pytest.mark.parametrize(("headers", "page_status", "link_status"), REQUESTS)
+def test_pages_of_other_sites_may_only_lead_to_the_page(
+    headers: dict[str, str], page_status: int, link_status: int, served: tuple[int, int]
+) -> None:
+    port, _ = served
+    assert str(page_status).encode() in send(port, "/", headers)
+    assert str(link_status).encode() in send(port, "/?seed=3", headers)
+
+
+def test_there_is_no_other_port_and_idle_connections_end(served: tuple[int, int]) -> None:
+    """Whether they send nothing, or a request byte by byte."""
+    port, pid = served
+    inodes = {os.readlink(link) for link in Path(f"/proc/{pid}/fd").iterdir()}
+    rows = [line.split() for line in Path("/proc/net/tcp").read_text().splitlines()[1:]]
+    listening = [row[1] for row in rows if row[3] == "0A" and f"socket:[{row[9]}]" in inodes]
+    assert listening == [f"0100007F:{port:04X}"]
+    idle, slow = (socket.create_connection(("127.0.0.1", port), timeout=20) for _ in range(2))
+    with idle, slow:
+        for byte in b"GET / HTTP":
+            slow.sendall(bytes([byte]))
+            time.sleep(0.05)
+        assert idle.recv(1) == slow.recv(1) == b""
+
+
+def test_restarts_leave_no_garbage() -> None:
+    """A restart leaves cycles of objects, which the server removes at once."""
+    servers, old_simulations = list[PlayServer](), list[Any]()
+
+    def restart() -> None:
+        old_simulations.append(weakref.ref(servers[0].session.simulation))
+        servers[0].session.restart()
+
+    def check_stop() -> None:
+        if len(old_simulations) > 3:
+            raise StoppedError("enough")
+        for server in servers:
+            server.request("restart", restart)
+
+    scenario = load_scenario("rect", plant="kinematic")
+    servers.append(PlayServer(lambda *_: scenario, check_stop, print, port=0))
+    gc.disable()
+    with closing(servers[0]), pytest.raises(StoppedError):
+        servers[0].run()
+    gc.enable()
+    gc.unfreeze()
+    assert [ref() for ref in old_simulations[1:3]] == [None, None]
 
 
 @pytest.mark.parametrize(
@@ -290,6 +386,18 @@ def test_a_link_holds_the_state() -> None:
         "plant=evil.py:Evil",
         "robot=/etc/passwd",
         "model.file=a.xml",
+        "+model.file=a.xml",
+        "%09model.file=a.xml",
+        "%E3%80%80model.file=a.xml",
+        "%22model%22.file=a.xml",
+        "MODEL.file=a.xml",
+        "model.file%3Da.xml",
+        "model=%7Bfile%3D'a.xml'%7D",
+        ".model.file=a.xml",
+        "settings.model.file=a.xml",
+        "+fault.kind=push",
+        "seed=" + 5000 * "9",
+        "radio.delay_frames=" + 3000 * "[",
         "scenario=../a.toml",
         "radio.delay_frames=-1",
         "seed=x",
