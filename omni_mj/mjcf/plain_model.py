@@ -2,9 +2,10 @@
 
 Rollers and hulls carry their contact bits and parameters:
 
-- Rollers meet the geoms of the scene (contype 1, conaffinity 1), but neither hulls nor rollers.
-- Hulls meet the geoms of the scene and the hulls of other robots.
-- All other geoms of a robot meet nothing.
+- Rollers collide with the geoms of the scene (contype 1, conaffinity 1), but neither with hulls
+  nor with rollers.
+- Hulls collide with the geoms of the scene and with the hulls of other robots.
+- All other geoms of a robot collide with nothing.
 
 The contact of a roller has a time constant of 10 ms, an impedance of 0.97 or more and the friction
 1.5. With MuJoCo's pyramidal cones, timesteps from 1 to 5 ms and all integrators, robots follow

@@ -2,7 +2,7 @@
 
 The file defines chassis, hull, sensors, and wheels of hub, rim and rollers. The settings define
 sizes, masses and counts, see `Mechanics`. The file's first wheel is copied to each azimuth. The
-mass of the chassis is that of the robot minus that of the wheels.
+mass of the chassis is that of the robot minus those of the wheels.
 
 The file is a robot for any scene, see `plain_model`. In worlds of this program a hinge between hub
 and rim slips instead of the rollers, and `world_builder` lists the contacts.

@@ -219,7 +219,7 @@ def compute_composite_inertia(
 def make_printable_moments(moments: Array) -> Array:
     """Return the moments of inertia (3,) of a flat ring, slightly thicker if necessary.
 
-    MuJoCo prints six digits. It refuses moments of which one is larger than the sum of the others.
+    MuJoCo prints six digits. It rejects moments that violate the triangle inequality.
     """
     axial, *transverse = (float(f"{moment:.6g}") for moment in moments)
     return moments * [1.0, 1.00001, 1.00001] if axial > sum(transverse) else moments

@@ -1,8 +1,8 @@
-"""Contacts of robots in scenes of others, which may have any floor and any solver options.
+"""Contacts of robots that are attached to a user's scene, with any floor and solver options.
 
-**Who meets whom.** The geoms of a scene usually have the bit 1 of contype and conaffinity. Wheels
-and hulls meet geoms with any of the low bits. Wheels do not meet hulls. A hull of upright cylinders
-meets other robots with its spheres, for the reason in `omni_mj.mjcf.hulls`.
+**What collides.** The geoms of a scene usually have the bit 1 of contype and conaffinity. Wheels
+and hulls collide with geoms with any of the low bits, but wheels not with hulls. A hull of upright
+cylinders collides with other robots by its spheres, for the reason in `omni_mj.mjcf.hulls`.
 
 **Wheels on the floor** never slide, as on the field: rubber creeps and slides on the hinge between
 hub and rim. Normal to the floor, a contact has the law of `omni_mj.mjcf.rollers`, with K, c and m.
@@ -58,7 +58,7 @@ def is_field(scene: mujoco.MjSpec) -> bool:
 def attach_with_scene_contacts(
     scene: mujoco.MjSpec, robot: AttachableRobot, prefix: str, frame: mujoco.MjsFrame
 ) -> None:
-    """Attach a robot to any scene. It meets everything that collides in the scene.
+    """Attach a robot to any scene. It collides with every geom of the scene that can collide.
 
     Args:
         scene: Specification of the scene; changed in place.

@@ -31,11 +31,10 @@ class Mine(om.Controller):
 """
 PARTS = "<mujoco><asset/></mujoco>"
 SWEEP = (
-    "sweep", "--scenario", "rect", "--plant", "kinematic", "--controller", "mine.py:Mine",
-    "--robot", "robot.toml", "--model", "body.xml", "--vary", "radio.delay_frames=0,4",
-    "--seeds", "2", "--batch-size", "2", "--set", "reference.waypoints=[[0, 0], [0.2, 0.1]]",
-    "--set", "reference.settle_s=0.1", "--quiet", "--out", "out",
-)  # fmt: skip
+    "sweep --scenario rect --plant kinematic --controller mine.py:Mine --robot robot.toml "
+    "--model body.xml --vary radio.delay_frames=0,4 --seeds 2 --batch-size 2 "
+    "--set reference.waypoints=[[0,0],[0.2,0.1]] --set reference.settle_s=0.1 --quiet --out out"
+)
 
 
 @pytest.fixture(scope="module")
@@ -61,7 +60,7 @@ def run_sweep_of_own_files() -> None:
     model = written((60, 180, 300)).replace("<compiler ", '<include file="parts.xml"/><compiler ')
     Path("body.xml").write_text(model)
     Path("robot.toml").write_text(om.load_robot("tigers-v2016").path.read_text())
-    assert invoke(*SWEEP) == 0
+    assert invoke(SWEEP) == 0
 
 
 def change_record(*keys: str) -> Callable[[], None]:
@@ -104,7 +103,7 @@ def test_a_sweep_is_continued_only_if_nothing_has_changed(
     )
     for change, expected_error in cases:
         change()
-        assert invoke(*SWEEP) == 2
+        assert invoke(SWEEP) == 2
         err = capsys.readouterr().err
         assert expected_error in err
         assert err.count("\n") <= 2
@@ -113,7 +112,7 @@ def test_a_sweep_is_continued_only_if_nothing_has_changed(
             if not path.exists() or path.read_bytes() != data:
                 path.write_bytes(data)
     change_record("git")()
-    assert invoke(*SWEEP) == 0, "a commit with the same source changes nothing"
+    assert invoke(SWEEP) == 0, "a commit with the same source changes nothing"
 
 
 def test_a_sweep_is_not_continued_with_other_arithmetic(copied_sweep: None) -> None:
@@ -123,7 +122,7 @@ def test_a_sweep_is_not_continued_with_other_arithmetic(copied_sweep: None) -> N
     )
     other = {"OPENBLAS_CORETYPE": "Nehalem", "NPY_DISABLE_CPU_FEATURES": features}
     done = subprocess.run(
-        [sys.executable, "-m", "omni_mj", *SWEEP],
+        [sys.executable, "-m", "omni_mj", *SWEEP.split()],
         env=os.environ | other,
         capture_output=True,
         text=True,
@@ -229,22 +228,21 @@ def test_a_sweep_repeats_and_changed_rows_are_named(
 
 def test_a_sweep_over_models_records_each_of_them(copied_sweep: None) -> None:
     Path("other.xml").write_text(Path("body.xml").read_text() + "<!-- other -->")
-    words = [word for word in SWEEP[:-1] if word not in ("--model", "body.xml")]
-    words[words.index("radio.delay_frames=0,4")] = 'model.file="body.xml","other.xml"'
-    assert invoke(*words, "models") == 0
+    sweep = SWEEP.replace(" --model body.xml", "").removesuffix("out")
+    sweep = sweep.replace("radio.delay_frames=0,4", 'model.file="body.xml","other.xml"')
+    assert invoke(sweep, "models") == 0
     change_file("other.xml")()
-    assert invoke(*words, "models") == 2
+    assert invoke(sweep, "models") == 2
     assert om.verify("models", allow_code=True).repeats
 
 
 def test_a_sweep_runs_no_code_that_only_a_folder_names(
     copied_sweep: None, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    vary = ("--vary", "radio.delay_frames=0,4", "--quiet")
-    words = ("sweep", "--scenario", "out/scenario.toml", *vary, "--out", "again")
-    assert invoke(*words) == 2
+    sweep = "sweep --scenario out/scenario.toml --vary radio.delay_frames=0,4 --quiet --out again"
+    assert invoke(sweep) == 2
     assert "without permission" in capsys.readouterr().err
-    assert invoke(*words, "--allow-code") == 0
+    assert invoke(sweep, "--allow-code") == 0
 
 
 def list_children(parent: int) -> set[int]:
