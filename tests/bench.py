@@ -5,12 +5,10 @@ Ratios are measured within one process.
 
 import json
 import os
-import platform
 import sys
 import time
 from collections.abc import Callable, Sequence
 from functools import partial
-from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
@@ -25,6 +23,7 @@ from omni_mj.mjcf import world_builder
 from omni_mj.network.radio import ReceivedCommand
 from omni_mj.plants import mujoco_plant
 from omni_mj.plants.mujoco_plant import MujocoPlant
+from omni_mj.results import provenance
 from omni_mj.simulation.simulation import Simulation
 
 ROUNDS = 3  # the fastest counts, because other work on the machine only adds time
@@ -246,29 +245,6 @@ def report_controllers(robots: int) -> dict[str, float]:
     return ratios
 
 
-def machine() -> dict[str, str | int | None]:
-    """Return a description of this machine."""
-    cpu = platform.processor()
-    if (info := Path("/proc/cpuinfo")).exists():
-        cpu = next(
-            (
-                line.split(":")[1].strip()
-                for line in info.read_text().splitlines()
-                if "model name" in line
-            ),
-            cpu,
-        )
-    versions = {name: version(name) for name in ("mujoco", "numpy", "jax")}
-    python = platform.python_version()
-    return {
-        "cpu": cpu,
-        "cores": len(os.sched_getaffinity(0)),
-        "system": platform.platform(),
-        "python": python,
-        **versions,
-    }
-
-
 def main() -> None:
     """Measure, print, and write bench.json."""
     mujoco_plant.MIN_ROBOTS_FOR_THREADS = sys.maxsize  # one thread
@@ -301,7 +277,8 @@ def main() -> None:
     print(f"{'robots':24s}", *(f"{name:>14.14s}             ms" for name in CONTROLLERS))
     for robots in (1, 64):
         show(f"controllers of {robots}", report_controllers(robots))
-    OUT.write_text(json.dumps({"machine": machine(), "ratios": results}, indent=2) + "\n")
+    record = provenance.describe_environment() | {"cores": len(os.sched_getaffinity(0))}
+    OUT.write_text(json.dumps(record | {"ratios": results}, indent=2) + "\n")
     print(f"\n{OUT}")
 
 

@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from benches.control import Array
+from closed_loop import rotate
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from random_motion import (
@@ -61,12 +62,6 @@ def test_the_turn_jerk_limits_references_that_turn(turn_jerk: float) -> None:
 
 
 # --- limits are kept ---
-
-
-def rotate(vectors: Array, angle: Array) -> Array:
-    """Return vectors (n, 3) whose translation is rotated by angles (n,)."""
-    z = (vectors[:, 0] + 1j * vectors[:, 1]) * np.exp(1j * angle)
-    return np.stack([z.real, z.imag, vectors[:, 2]], axis=1)
 
 
 def assert_keeps_wheel_limits(robot: WheelLimits, poses: Array) -> None:
