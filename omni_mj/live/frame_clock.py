@@ -19,12 +19,18 @@ LOST_S = 3.0  # without a frame, after which the loop follows the clock of this 
 GRACE_S = 0.001
 # Largest relative difference from 60 Hz at which a camera can lead.
 RATE_TOLERANCE = 0.03
+# Time without a new image, but with repetitions, after which a simulator waits for commands.
+STANDSTILL_S = 0.2
+ROUNDING_S = 1e-5  # of time stamps in lockstep
 SETTLE_S = 0.05  # in which frames in flight arrive
 CHECK_S = 0.05  # between checks for a stop request while no packet arrives
 
 
 class FrameClock:
     """Receives vision packets and times the frames of a live loop.
+
+    In lockstep, a simulator advances by an image of its first camera per command. Frames are then
+    1/60 s of simulated time, and commands and images alternate.
 
     Args:
         receiver: Socket that receives vision packets.
@@ -43,6 +49,7 @@ class FrameClock:
         self.vision, self._receiver, self._check = vision, receiver, check
         self.leader: int | None = None
         self.skipped, self._tick = 0, -math.inf  # s of the leading camera's clock, or of ours
+        self._commanded_s = -math.inf  # stamp of the newest image when a command was last sent
 
     def listen_for(self, seconds: float) -> None:
         """Receive packets for some seconds."""
@@ -63,9 +70,12 @@ class FrameClock:
         """
         active_cameras = {camera for _, _, camera in self.vision.sightings}
         leader = min(self.vision.cameras, key=lambda number: (number not in active_cameras, number))
+        first = min(self.vision.cameras)
+        if pace == "vision" and self.vision.cameras[first].standstill_s > STANDSTILL_S:
+            self.leader, self.vision.is_lockstep = first, True
+            return
         rate_hz = self.vision.cameras[leader].rate_hz
         is_60_hz = abs(rate_hz / FRAME_RATE_HZ - 1) < RATE_TOLERANCE
-        # The rate is 0 (unknown) if a simulator waits for commands.
         if pace == "vision" and rate_hz and not is_60_hz:
             raise OmniError(
                 f"vision sends {rate_hz:.1f} frames per second, --clock vision needs"
@@ -75,18 +85,33 @@ class FrameClock:
 
     def restart(self) -> None:
         """Forget the last frame, and count skipped frames from 0. Call it after `choose_source`."""
-        self.listen_for(SETTLE_S)
+        if not self.vision.is_lockstep:
+            self.listen_for(SETTLE_S)
+        elif self.leader is not None:
+            self._await_frame(self.vision.cameras[self.leader], lambda: None)
         self.skipped, self._tick = 0, -math.inf
 
+    def begin_command(self) -> None:
+        """In lockstep, wait for the image after the last command. Call it before each command."""
+        if self.vision.is_lockstep and self.leader is not None:
+            camera = self.vision.cameras[self.leader]
+            if not self._await_frame(camera, lambda: None):
+                self.leader = None
+            self._commanded_s = camera.sent_s
+
     def wait_for_frame(
-        self, expected: Array, on_silence: Callable[[], None]
+        self,
+        expected: Array,
+        on_silence: Callable[[], None],
+        repeat_command: Callable[[], None],
     ) -> tuple[Array, Array, int]:
         """Wait for the next frame.
 
         Args:
             expected: Expected poses of the robots, shape (n, 3), m and rad.
             on_silence: Called every 0.5 s without a frame of the leading camera. It is not called
-                while the loop follows the clock of this computer.
+                in lockstep, and while the loop follows the clock of this computer.
+            repeat_command: Called in lockstep if the next image is not of a later frame.
 
         Returns:
             Measured poses and their ages, see `SslVision.measurements`. Number of frames that were
@@ -94,21 +119,26 @@ class FrameClock:
         """
         previous_tick, rate = self._tick, 1.0
         if self.leader is None:
-            now = previous_tick + PERIOD_S
-            self._tick = now = time.monotonic() if now < time.monotonic() - PERIOD_S else now
+            now, our_time = previous_tick + PERIOD_S, time.monotonic()
+            self._tick = now = our_time if now < our_time - PERIOD_S else now
             self._receive(now)
             while time.monotonic() < now:
                 self._receive(now)
         else:
             camera = self.vision.cameras[self.leader]
-            if self._await_frame(camera, on_silence):
-                now = camera.clock.local_time(camera.sent_s)
-                rate = camera.clock.rate
-                self._tick = camera.sent_s
-            else:
+            is_alive = self._await_frame(camera, on_silence)
+            while is_alive and self.vision.is_lockstep and self._is_early(camera, ROUNDING_S):
+                repeat_command()
+                is_alive = self._await_frame(camera, on_silence)
+            if not is_alive:
                 # The camera is lost: follow the clock of this computer from now on.
                 self.leader, now = None, time.monotonic()
                 previous_tick, self._tick = now - LOST_S, now
+            elif self.vision.is_lockstep:
+                self._tick = now = self._next_tick(camera.sent_s)
+            else:
+                now, rate = camera.clock.local_time(camera.sent_s), camera.clock.rate
+                self._tick = camera.sent_s
         elapsed = (
             min(self._tick - previous_tick, LOST_S) if math.isfinite(previous_tick) else PERIOD_S
         )
@@ -124,16 +154,34 @@ class FrameClock:
         """
         began = time.monotonic()
         silent_at = began + SILENT_S
-        # A time stamp far below that of the last frame is one of a camera that was restarted.
-        while self._tick - RESTART_S <= camera.sent_s <= self._tick + PERIOD_S / 2:
+        while self._is_awaited(camera):
             self._receive(silent_at)
             if time.monotonic() > silent_at:
-                on_silence()
+                if not self.vision.is_lockstep:
+                    on_silence()
                 silent_at += SILENT_S
             if silent_at > began + LOST_S + SILENT_S:
                 return False
         self.listen_for(GRACE_S)
         return True
+
+    def _is_awaited(self, camera: VisionCamera) -> bool:
+        """Return whether the next frame of the leading camera has not come yet."""
+        if self.vision.is_lockstep:
+            return camera.sent_s == self._commanded_s
+        return self._is_early(camera, PERIOD_S / 2)
+
+    def _next_tick(self, sent_s: float) -> float:
+        """Return the first tick of simulated time, every 1/60 s, at which an image was sent, s."""
+        frames = (sent_s - self._tick - ROUNDING_S) / PERIOD_S
+        return self._tick + math.ceil(frames) * PERIOD_S if 0 < frames < math.inf else sent_s
+
+    def _is_early(self, camera: VisionCamera, tolerance_s: float) -> bool:
+        """Return whether the newest frame of a camera is not later than the last tick.
+
+        A time stamp far below that of the last frame is one of a camera that was restarted.
+        """
+        return self._tick - RESTART_S <= camera.sent_s <= self._tick + tolerance_s
 
     def _receive(self, until: float) -> None:
         """Receive packets until the first arrives, `until` is reached, or a check is due."""

@@ -94,6 +94,7 @@ class Live(Simulation):
     has_true_poses = False
     _sent: Array
     _turn_rates: Array  # newest first
+    _commands: Sequence[VelocityCommand]
 
     def __init__(
         self,
@@ -127,7 +128,9 @@ class Live(Simulation):
         latency, alpha = self.team.latency_hat[:, 2], self.team.alpha_hat[:, 2]
         self._turn_latency = np.where(np.isfinite(latency), latency, self._nominal_latency)
         self._turn_alpha = np.where(np.isfinite(alpha), alpha, 1.0)
-        measured, age, skipped = self.frame_clock.wait_for_frame(self.team.estimate, self.stop)
+        measured, age, skipped = self.frame_clock.wait_for_frame(
+            self.team.estimate, self.stop, self._transmit
+        )
         self._is_past = True
         self._plant.measured = np.full_like(measured, np.nan)
         for _ in range(skipped):
@@ -153,19 +156,24 @@ class Live(Simulation):
         self._sent = command
         if not self._is_past:
             columns = np.column_stack([command, headings]).tolist()
-            self._radio.send(
-                [
-                    VelocityCommand(number, *values)
-                    for number, values in zip(self.ids, columns, strict=True)
-                ]
-            )
+            self._commands = [
+                VelocityCommand(number, *values)
+                for number, values in zip(self.ids, columns, strict=True)
+            ]
+            self._transmit()
         return ReceivedCommand(command, heading, np.zeros(len(command), int))
 
     def stop(self) -> None:
         """Command all robots to stop, three times because packets may be lost."""
         self._sent = np.zeros_like(self._sent)
+        self._commands = [VelocityCommand(number, 0.0, 0.0, 0.0, 0.0) for number in self.ids]
         for _ in range(3):
-            self._radio.send([VelocityCommand(number, 0.0, 0.0, 0.0, 0.0) for number in self.ids])
+            self._transmit()
+
+    def _transmit(self) -> None:
+        """Send the newest commands."""
+        self.frame_clock.begin_command()
+        self._radio.send(self._commands)
 
     def _build_plant_and_link(self, start_poses: Array) -> tuple[Plant, CameraModel, RadioModel]:
         self._plant = LivePlant(self.rows, start_poses, driven=True)

@@ -25,19 +25,21 @@ class MessageCounter(Counter[str]):
     """Counts of packets and problems, by kind.
 
     Args:
-        on_first: Called with the first message of each kind.
+        on_first: Called with the first message of each kind and topic.
     """
 
     def __init__(self, on_first: Callable[[str], None] = lambda text: None) -> None:
         super().__init__()
         self._on_first = on_first
+        self._reported = set[tuple[str, str]]()
 
-    def add(self, kind: str, text: str) -> None:
-        """Count a message, and report its text if it is the first of its kind."""
+    def add(self, kind: str, text: str, topic: str = "") -> None:
+        """Count a message, and report its text if it is the first of its kind and topic."""
         if kind not in self and len(self) >= MAX_KINDS:
-            kind = "other messages"
+            kind, topic = "other messages", ""
         self[kind] += 1
-        if self[kind] == 1:
+        if (kind, topic) not in self._reported and len(self._reported) <= MAX_KINDS:
+            self._reported.add((kind, topic))
             self._on_first(to_printable(text))
 
 

@@ -89,11 +89,12 @@ class VisionCamera:
         frames: Number of frames received, without repetitions.
         restarts: How often its time stamps went back.
         sent_s: Time stamp of the newest frame, s of its clock.
+        standstill_s: Time from the newest frame to its last repetition, s; 0 without repetitions.
     """
 
     def __init__(self) -> None:
         self.clock, self.frames, self.sent_s = PeerClock(), 0, -math.inf
-        self.restarts = 0
+        self.restarts, self.standstill_s, self._arrival = 0, 0.0, math.inf
         self._ages = deque[float](maxlen=WINDOW_FRAMES)
         self._intervals = deque[float](maxlen=WINDOW_FRAMES)
 
@@ -107,9 +108,11 @@ class VisionCamera:
         if sent_s < self.sent_s - RESTART_S:
             self.restarts += 1
         elif sent_s <= self.sent_s:
+            self.standstill_s = arrival - self._arrival
             return False
         else:
             self._intervals.append(sent_s - self.sent_s)
+        self.standstill_s, self._arrival = 0.0, arrival
         self._ages.append(age)
         self.clock.add(sent_s, arrival)
         self.sent_s = sent_s
@@ -137,12 +140,15 @@ class SslVision:
     Attributes:
         color, messages: As passed.
         ids: Numbers of the n robots that are tracked.
+        is_lockstep: Whether time stamps are the simulated time of a simulator that waits for
+            commands. The clock of this computer then says nothing about ages.
         cameras: Camera statistics by camera number.
         sightings: Newest poses of every robot, by team, robot number and camera number.
     """
 
     def __init__(self, color: TeamColor, messages: MessageCounter) -> None:
         self.color, self.messages, self.ids = color, messages, list[int]()
+        self.is_lockstep, self._last_tick = False, -math.inf
         self.cameras = defaultdict[int, VisionCamera](VisionCamera)
         self.sightings = defaultdict[tuple[TeamColor, int, int], deque[Array]](
             lambda: deque(maxlen=STORED_FRAMES)
@@ -189,7 +195,7 @@ class SslVision:
         position counts. If a camera sees the robot backwards, that of another camera counts.
 
         Args:
-            now: Our time, s.
+            now: Our time, or in lockstep the simulated time, s.
             rate: Rate of the clock that measures ages, over ours.
             expected: Expected poses, shape (n, 3), m and rad.
 
@@ -199,10 +205,7 @@ class SslVision:
         poses, ages = np.full((len(self.ids), 3), np.nan), np.zeros(len(self.ids))
         for i, number in enumerate(self.ids):
             candidates = [
-                (
-                    _robot_pose(robot),
-                    now - self.cameras[camera].clock.local_time(detection.t_capture),
-                )
+                (_robot_pose(robot), self._age(self.cameras[camera], detection, now))
                 for camera, detection in self._newest.items()
                 for robot in _team_robots(detection, self.color)
                 if robot.robot_id == number
@@ -211,7 +214,21 @@ class SslVision:
                 poses[i], age = candidates[_choose([pose for pose, _ in candidates], expected[i])]
                 ages[i] = min(max(age * rate, 0.0), MAX_AGE_S)
         self._newest.clear()
+        self._last_tick = now
         return poses, ages
+
+    def _age(self, camera: VisionCamera, detection: Detection, now: float) -> float:
+        """Return the age of the newest detection of a camera, s; see `measurements`.
+
+        In lockstep, cameras with different clocks are known by images that were not sent since the
+        last frame. Such images count as sent just now.
+        """
+        if not self.is_lockstep:
+            return now - camera.clock.local_time(detection.t_capture)
+        time_since_sent = now - camera.sent_s
+        if not 0 <= time_since_sent <= now - self._last_tick:
+            time_since_sent = 0.0
+        return time_since_sent + camera.sent_s - detection.t_capture
 
     def seen_ids(self) -> list[int]:
         """Return the sorted numbers of the team's robots that were detected."""

@@ -140,3 +140,15 @@ def test_the_geometry_is_that_of_division_b() -> None:
     # the camera.
     middles = [-camera.tx for camera in geometry.calib]
     np.testing.assert_allclose(middles, [-10400 / 3, 0, 10400 / 3], rtol=1e-6)
+
+
+@pytest.mark.parametrize("jitter_s", [0.0, 0.02])
+def test_images_are_sent_after_the_delay_of_their_camera(jitter_s: float) -> None:
+    """The stamps differ by the delay and up to the jitter, also of a camera with a wrong clock."""
+    sets = "vision.delay_s=0.03", f"vision.jitter_s={jitter_s}", "vision.clock_offset_s=0.5"
+    images = Field(*QUIET, FAST, *sets, "vision.cameras=2").cycles(480)
+    stamps = [(image.detection.t_sent, image.detection.t_capture) for image in images]
+    ages = -np.diff(stamps)[:, 0]
+    assert ages.min() >= 0.03 - 1e-9
+    assert ages.max() <= 0.03 + jitter_s + 1e-9
+    assert ages.std() == pytest.approx(jitter_s / np.sqrt(12), rel=0.3)

@@ -38,9 +38,11 @@ def test_time_goes_as_fast_as_it_is_told(speed: float) -> None:
 
 def test_a_pause_holds_robots_and_the_next_speed_lets_them_go_on() -> None:
     """Without a jump: time that has passed in the pause is none."""
-    with here(Field(*QUIET, FAST, "firmware.timeout_s=0"), False) as (client, _):
+    field = Field(*QUIET, FAST, "firmware.timeout_s=0")
+    with here(field, False) as (client, _):
         client.ask(1, local(0, 0.5))
-        assert client.codes(0, serve_client.control(simulation_speed=0.0)) == []
+        for _ in range(2):
+            assert client.codes(0, serve_client.control(simulation_speed=0.0)) == []
         paused = client.newest()
         client.vision.settimeout(0.3)
         with pytest.raises(TimeoutError):
@@ -49,6 +51,7 @@ def test_a_pause_holds_robots_and_the_next_speed_lets_them_go_on() -> None:
         for bad in (-1.0, float("nan")):
             assert client.codes(0, serve_client.control(simulation_speed=bad)) == ["SPEED"]
         client.ask(0, serve_client.control(simulation_speed=1.0))
+        assert sum("pause" in text for text in field.said) == 2
         gap = client.packet().detection.t_capture - paused.t_capture
         assert gap == pytest.approx(1 / 60, abs=1e-6)
 

@@ -174,8 +174,10 @@ def test_each_kind_of_refusal_is_counted_and_said_once_at_every_port() -> None:
             for port in (1, 2):
                 assert client.codes(port, local(9, 1.0)) == ["UNKNOWN_ROBOT"]
         counts = {kind: server.messages[kind] for kind in server.messages if "refused" in kind}
+        for option in ("roll", "by_force", "roll"):
+            assert client.codes(0, serve_client.control(teleport_ball={option: True})) == ["OPTION"]
     assert counts == {"refused: ROBOT_ID": 3, "refused: UNKNOWN_ROBOT": 6}
-    assert len(field.said) == 2
+    assert len(field.said) == 4
 
 
 def test_what_does_not_apply_is_answered() -> None:
@@ -197,6 +199,12 @@ def test_what_does_not_apply_is_answered() -> None:
         )
         packet = SimulatorCommand(config=SimulatorConfig(geometry=geometry)).SerializeToString()
         assert client.codes(0, packet) == ["UNKNOWN_FIELD", "CONFIG"]
+        with serve_client.udp() as other:
+            config = SimulatorConfig(vision_port=other.getsockname()[1])
+            packet = SimulatorCommand(config=config).SerializeToString()
+            assert client.codes(0, packet) == []
+            client.codes(1, local(0, 0.0))
+            assert other.recv(65536)
 
 
 def test_specs_of_a_robot_limit_its_velocity_and_others_are_answered() -> None:

@@ -154,3 +154,16 @@ def test_robots_of_the_plant_planar_move_as_in_a_run() -> None:
             field.pitch.advance()
     assert len(images) == 20
     np.testing.assert_array_equal(field.poses[0], alone.pose()[0])
+
+
+@pytest.mark.parametrize("form", ["local", "world", "wheels"])
+def test_no_wheel_turns_after_the_command_timeout(form: str) -> None:
+    """Whatever the last command was; before the timeout all wheels turn."""
+    packets = {"local": local(0, 1.0, 0.0, 5.0), "world": world(0, 0.3, 1.0, 5.0)}
+    packets["wheels"] = wheels(0, 0.8, 0.8, 0.8, 0.8)
+    field = Field(*QUIET, FAST, "firmware.timeout_s=0.1", plant="planar")
+    speeds = field.pitch.plant.telemetry
+    field.drive(20, packets[form])
+    assert np.abs(speeds().wheel_speed).max() > 10
+    field.cycles(40 * CYCLES)
+    assert np.abs(speeds().wheel_speed).max() < 0.05

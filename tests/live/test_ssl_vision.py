@@ -28,6 +28,16 @@ def test_detections_are_as_old_as_their_stamps_say(age: float, later: float, off
     assert np.isnan(camera.at(time_s + later)[0]).all()  # told once
 
 
+@pytest.mark.parametrize("age", [-0.001, 0.26, 10.0, 1.7e9])
+def test_a_packet_of_absurd_age_counts_as_new(age: float) -> None:
+    """Its time of capture is of another clock than its time of sending."""
+    camera = Camera(5)
+    for frame in range(30):
+        camera.see(frame, [(5, 1.0, -2.0, 0.5)], age=age)
+    _, (seen_before,) = camera.at(29 * PERIOD_S + 0.01)
+    assert seen_before == pytest.approx(0.01, abs=1e-5)
+
+
 def test_the_rate_is_that_of_frames_that_nothing_held_up() -> None:
     """A camera of 65 a second whose computer stalls for 45 ms now and then is none of 60."""
     camera, time_s = Camera(5), 0.0

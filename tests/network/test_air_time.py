@@ -88,6 +88,13 @@ def test_unicasts_have_the_published_intervals() -> None:
     assert stats.kstest(air[::7].ravel()[:20000], triangle.cdf).pvalue > 1e-4
 
 
+def test_no_packet_is_on_air_for_longer_than_the_longest_time() -> None:
+    """Of 2,000 packets per second, a queue would be longer at the end of a burst."""
+    longest_s = RadioSettings(kind="wifi-broadcast").max_air_frames / 60
+    _, air = send(1000, 0.0005, [(0,), (1,)], kind="wifi-broadcast")
+    np.testing.assert_allclose(air.max(0), longest_s)
+
+
 def test_a_robot_receives_in_its_slot() -> None:
     """Arrivals of robot i are i slots after those of robot 0, modulo the cycle."""
     slots, slot_s = 8, 0.002

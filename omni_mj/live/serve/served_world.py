@@ -115,6 +115,11 @@ class ServedWorld:
         """Simulated time, s."""
         return self.cycle / CYCLE_RATE_HZ
 
+    @property
+    def all_seen(self) -> bool:
+        """Whether images of all robots on the field were sent."""
+        return self.poses().keys() <= self._headings.keys()
+
     def poses(self) -> dict[RobotName, Array]:
         """Return the poses, shape (3,), of the robots on the field."""
         robots = zip(self.names, self.plant.pose(), self.plant.present, strict=True)

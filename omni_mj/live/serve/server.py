@@ -1,6 +1,7 @@
 """Network server of `serve`: a simulated world behind the league's protocols."""
 
 import math
+import re
 import time
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack
@@ -31,10 +32,12 @@ CHECK_S = 0.1  # longest time between two checks for a stop request
 HANDLE_S = 0.002  # time for packets before the simulation goes on, although it is late
 EARLY_S = 1e-9  # tolerance for rounding errors of the time at which a packet is due
 GEOMETRY_CYCLES = CYCLE_RATE_HZ  # between two packets with the geometry
+MAX_START_S = 10.0  # simulated time in which all robots are seen before the first step in lockstep
 MAX_DELAY_S = 0.1  # delay after which the simulation no longer tries to catch up
 MAX_SPEED = 1000.0  # simulated seconds per second
-COMMAND_KINDS = "blue commands", "yellow commands"  # messages that advance time in lockstep
-FIXED = "cannot change while serve runs; see its options --robot, --scenario, --set and --vision"
+FIXED = "cannot change while serve runs; see its option --set"
+# Refusals that differ in them only are about one topic, which is printed once.
+TEAM_OR_NUMBER = re.compile(r"blue|yellow|[-+]?\d[\d.e+-]*")
 
 
 class Server:
@@ -46,7 +49,7 @@ class Server:
         vision: Address to which detections are sent.
         interface: Address of the network interface. Loopback keeps packets on this computer.
         speed: Simulated seconds per second; 0 pauses.
-        lockstep: Whether each command packet advances time to the next image of the first camera.
+        lockstep: Whether each command packet advances time until the first camera sends an image.
 
     Attributes:
         after_frame: Called after every 1/60 s of simulated time; set it before `run`.
@@ -72,6 +75,7 @@ class Server:
         self._geometry_due = 0
         self._outbox = list[Image]()
         self._newest = dict[int, bytes]()  # camera -> packet
+        self._is_started = False  # nothing is sent before
         self._set_speed(speed)
         with ExitStack() as stack:
             self._socket = stack.enter_context(open_sender(interface))
@@ -94,24 +98,36 @@ class Server:
         if not self.lockstep:  # in lockstep, time stamps are the same in all runs
             world.epoch_s = time.time() - world.time_s
         self._set_speed(self.speed)
+        self._is_started = not self.lockstep
         self._publish()
+        while not self._is_started and world.time_s < MAX_START_S:
+            check()
+            if len(self._newest) == len(world.cameras) and world.all_seen:
+                break
+            self._advance(world.cycle + 1)
+        if not self._is_started:
+            self._is_started = True
+            self._repeat()
         while world.time_s < until_s:
             check()
             if not self.lockstep:
                 self._simulate_due_cycles()
-            elif not self._handle_requests(CHECK_S) and not any(
-                self.messages[kind] for kind in COMMAND_KINDS
-            ):
-                # Repeat the first images until a command arrives, for clients that connect late.
-                self._repeat()
+            elif not self._handle_requests(CHECK_S):
+                self._repeat()  # for clients that connect late
 
     def close(self) -> None:
         """Free the ports."""
         self._stack.close()
 
-    def _set_speed(self, speed: float) -> None:
-        """Continue at another speed, and relate simulated time to real time anew."""
-        self.speed, self._started = speed, (time.monotonic(), self.world.cycle)
+    def _set_speed(self, speed: float, now: float | None = None) -> None:
+        """Continue at another speed, and relate simulated time to real time anew.
+
+        Args:
+            speed: Simulated seconds per second.
+            now: The reading of the clock for it, s (`time.monotonic`). Default: a new one.
+        """
+        now = time.monotonic() if now is None else now
+        self.speed, self._started = speed, (now, self.world.cycle)
 
     def _time_of(self, cycle: int) -> float:
         """Return the time at which a cycle is due (`time.monotonic`), s; infinity in a pause."""
@@ -124,7 +140,8 @@ class Server:
 
     def _simulate_due_cycles(self) -> None:
         """Simulate the cycles that are due, then handle packets until the next cycle is due."""
-        world, delay = self.world, time.monotonic() - self._time_of(self.world.cycle)
+        world, now = self.world, time.monotonic()
+        delay = now - self._time_of(world.cycle)
         if delay > MAX_DELAY_S:
             self.messages.add(
                 "times too slow",
@@ -132,7 +149,7 @@ class Server:
             )
             self.messages["ms late in all"] += round(1e3 * delay)
             world.epoch_s += delay * self.speed  # time stamps go on with the clock
-            self._set_speed(self.speed)
+            self._set_speed(self.speed, now)
         self._catch_up()
         due = min(camera.due for camera in world.cameras)
         if self._outbox:
@@ -157,16 +174,21 @@ class Server:
 
     def _publish(self) -> None:
         """Take the images that are due, and send the ones whose sending time has come."""
-        for image in self.world.take_images():
-            if math.isfinite(image.sent_s):
-                self._outbox.append(image)
-                self._outbox.sort(key=lambda image: image.sent_s)
-        while self._outbox and self._outbox[0].sent_s <= self.world.time_s + EARLY_S:
-            image = self._outbox.pop(0)
+        self._outbox += [image for image in self.world.take_images() if image.sent_s < math.inf]
+        self._outbox.sort(key=lambda image: image.sent_s)
+        due = dict[int, Image]()  # one of each camera
+        for image in self._outbox:
+            if image.sent_s <= self.world.time_s + EARLY_S:
+                due.setdefault(image.detection.camera_id, image)
+        self._outbox = [
+            image for image in self._outbox if image is not due.get(image.detection.camera_id)
+        ]
+        # The first camera is the last one, because its image ends a step in lockstep.
+        for camera in sorted(due, reverse=True):
+            image = due[camera]
             self.world.publish(image)
-            packet = VisionPacket(detection=image.detection).SerializeToString()
-            self._newest[image.detection.camera_id] = packet
-            self._send(packet)
+            self._newest[camera] = VisionPacket(detection=image.detection).SerializeToString()
+            self._send(self._newest[camera])
         if self.world.cycle >= self._geometry_due:
             self._geometry_due = self.world.cycle + GEOMETRY_CYCLES
             self._send(VisionPacket(geometry=self.world.geometry()).SerializeToString())
@@ -178,6 +200,8 @@ class Server:
             self._send(packet)
 
     def _send(self, packet: bytes) -> None:
+        if not self._is_started:
+            return
         try:
             self._socket.sendto(packet, self.vision)
             self.messages["vision packets sent"] += 1
@@ -210,11 +234,14 @@ class Server:
                 else self._command(team, parse_message(RobotControl, data))
             )
             for error in response.errors:
-                self.messages.add(f"refused: {error.code}", f"{client}: {error.message}")
+                topic = TEAM_OR_NUMBER.sub("", error.message)
+                self.messages.add(f"refused: {error.code}", f"{client}: {error.message}", topic)
             if self.lockstep and team is None:
                 self._repeat()
             elif self.lockstep:
-                self._advance(self.world.cameras[0].due)
+                image = self._newest.get(0)
+                while self._newest.get(0) is image:
+                    self._advance(self.world.cycle + 1)
             self._receivers[team].sendto(response.SerializeToString(), client)
         except WireError as error:
             self.messages.add("bad packets", f"skipped a packet from {client}: {error}")
@@ -233,11 +260,21 @@ class Server:
         errors += [
             Refusal("CONFIG", f"{field.name} {FIXED}").error
             for field, _ in config.ListFields()
-            if field.name in ("geometry", "vision_port")
+            if field.name == "geometry"
         ]
+        if 0 < config.vision_port < 65_536:
+            self.vision = self.vision._replace(port=config.vision_port)
+        elif config.HasField("vision_port"):
+            reason = f"vision_port must be 1 to 65535, got {config.vision_port}"
+            errors.append(Refusal("CONFIG", reason).error)
         if control.HasField("simulation_speed"):
             speed = control.simulation_speed
             if not self.lockstep and 0 <= speed <= MAX_SPEED:
+                if not speed and self.speed:
+                    self.messages.add("pauses", "a client pauses the simulation (speed 0)")
+                elif speed and not self.speed:
+                    text = f"a client ends the pause; the speed is {speed:g} x real time"
+                    self.messages.add("ends of pauses", text)
                 self._set_speed(speed)
             else:
                 reason = f"the speed must be 0 to {MAX_SPEED:g}, without lockstep, got {speed:g}"

@@ -139,11 +139,16 @@ def list_ignored_options(control: SimulatorControl) -> list[SimulatorError]:
         for field in ("teleport_safely", "roll", "by_force")
     }
     options["teleport_robot.by_force"] = any(robot.by_force for robot in control.teleport_robot)
-    return [
+    errors = [
         Refusal("OPTION", f"{name} does not apply: teleports are done at once").error
         for name, is_set in options.items()
         if is_set
     ]
+    motion = [field for field in ("z", "vx", "vy", "vz") if getattr(ball, field)]
+    if motion:
+        reason = f"the ball lies on the carpet where it is put; {', '.join(motion)} do not apply"
+        errors.append(Refusal("BALL", reason).error)
+    return errors
 
 
 def read_teleport(
@@ -188,7 +193,7 @@ def read_ball(ball: TeleportBall, position: Array) -> Array:
         position: Present position of the ball, shape (2,), m.
 
     Raises:
-        Refusal: The position is not finite, or the ball would move.
+        Refusal: The position is not finite.
     """
     target = np.array(
         [
@@ -196,8 +201,6 @@ def read_ball(ball: TeleportBall, position: Array) -> Array:
             ball.y if ball.HasField("y") else position[1],
         ]
     )
-    if ball.vx or ball.vy or ball.vz or ball.z or not np.isfinite(target).all():
-        raise Refusal(
-            "BALL", "the ball needs a finite position, and cannot move: it is always at rest"
-        )
+    if not np.isfinite(target).all():
+        raise Refusal("BALL", "the ball needs a finite position")
     return target
