@@ -35,6 +35,7 @@ GEOMETRY_CYCLES = CYCLE_RATE_HZ  # between two packets with the geometry
 MAX_START_S = 10.0  # simulated time in which all robots are seen before the first step in lockstep
 MAX_DELAY_S = 0.1  # delay after which the simulation no longer tries to catch up
 MAX_SPEED = 1000.0  # simulated seconds per second
+COMMAND_KINDS = "blue commands", "yellow commands"  # messages that advance time in lockstep
 FIXED = "cannot change while serve runs; see its option --set"
 # Refusals that differ in them only are about one topic, which is printed once.
 TEAM_OR_NUMBER = re.compile(r"blue|yellow|[-+]?\d[\d.e+-]*")
@@ -112,7 +113,9 @@ class Server:
             check()
             if not self.lockstep:
                 self._simulate_due_cycles()
-            elif not self._handle_requests(CHECK_S):
+            elif not self._handle_requests(CHECK_S) and not any(
+                self.messages[kind] for kind in COMMAND_KINDS
+            ):
                 self._repeat()  # for clients that connect late
 
     def close(self) -> None:
