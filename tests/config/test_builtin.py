@@ -18,6 +18,12 @@ FIELD_M = (9.0, 6.0)  # division B, RoboCup SSL rules
 ROBOT_RADIUS_M = 0.09  # largest robot, RoboCup SSL rules
 
 
+def plan_reference(name: str, **sections: object) -> NDArray:
+    """Return the poses (frames, 3) of the timed reference of a scenario."""
+    scenario = om.load_scenario(name, plant="kinematic", **sections)
+    return om.Simulation(scenario, ["p"], seeds=[0]).references[0].poses
+
+
 @cache
 def load_builtin(name: str) -> tuple[om.Scenario, NDArray]:
     """Return the scenario and its timed reference's poses (frames, 3)."""
@@ -90,11 +96,7 @@ def find_random_waypoints(**changes: object) -> NDArray:
         "assumed_friction": 0.0,
         **changes,
     }
-    poses = (
-        om.Simulation(om.load_scenario("rect", plant="kinematic", reference=task), ["p"])
-        .references[0]
-        .poses
-    )
+    poses = plan_reference("rect", reference=task)
     rests = (np.diff(poses, axis=0) == 0).all(1)
     return poses[1:][rests & np.append(True, ~rests[:-1])]
 
@@ -118,35 +120,17 @@ def test_random_waypoints_are_uniform_and_depend_on_the_seed() -> None:
 
 def test_dead_time_must_be_shorter_than_the_reference() -> None:
     short = {"waypoints": [[0, 0], [0.1, 0]], "settle_s": 0.1}
-    frames = (
-        om.Simulation(om.load_scenario("rect", plant="kinematic", reference=short))
-        .references[0]
-        .frames
-    )
-    om.Simulation(
-        om.load_scenario(
-            "rect", plant="kinematic", reference=short, radio={"delay_frames": frames - 1}
-        )
-    )
+    frames = len(plan_reference("rect", reference=short))
+    plan_reference("rect", reference=short, radio={"delay_frames": frames - 1})
     message = f"must be less than the {frames} frames of the reference, got {frames}"
     with pytest.raises(om.OmniError, match=message):
-        om.Simulation(
-            om.load_scenario(
-                "rect", plant="kinematic", reference=short, radio={"delay_frames": frames}
-            )
-        )
+        plan_reference("rect", reference=short, radio={"delay_frames": frames})
 
 
 @pytest.mark.parametrize("name", ["league", "sprint", "slippery", "rect-spin"])
 def test_wheel_limits_slow_down_no_task(name: str) -> None:
     """With the assumed friction, every robot has the traction that the motion limits need."""
     for robot in ROBOTS:
-        limited, unlimited = (
-            om.Simulation(
-                om.load_scenario(name, plant="kinematic", robot=robot, **sections), ["p"], seeds=[0]
-            )
-            .references[0]
-            .poses
-            for sections in ({}, {"reference": {"assumed_friction": 0.0}})
-        )
+        limited = plan_reference(name, robot=robot)
+        unlimited = plan_reference(name, robot=robot, reference={"assumed_friction": 0.0})
         np.testing.assert_array_equal(limited, unlimited)
