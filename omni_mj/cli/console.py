@@ -1,5 +1,6 @@
 """Terminal output that the commands share: errors, progress bars, results; exit codes."""
 
+import errno
 import io
 import os
 import signal
@@ -102,8 +103,9 @@ def invoke_command(command: click.Command, arguments: list[str]) -> NoReturn:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         sys.exit(FAILED)
     except OSError as error:
-        file_name = error.filename or "standard output"
-        exit_with_error(f"{file_name}: {error.strerror or error}", FAILED)
+        file_name = to_printable(str(error.filename or "standard output"))
+        code = BAD_INPUT if error.errno == errno.ENAMETOOLONG else FAILED
+        exit_with_error(f"{file_name}: {error.strerror or error}", code)
     except UnicodeError:
         exit_with_error("file names and all other arguments must be UTF-8", BAD_INPUT)
     except (MemoryError, ImportError) as error:

@@ -1,7 +1,7 @@
 """Gymnasium environments `omni_mj/Track-v0`: robots that follow the reference of a scenario."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Hashable, Mapping, Sequence
 from itertools import starmap
 from typing import Any
 
@@ -100,11 +100,22 @@ class TrackVectorEnv(VectorEnv[Numbers, Numbers, Numbers]):
         **changes: Any,
     ) -> None:
         allowed_modes = [AutoresetMode.NEXT_STEP, AutoresetMode.DISABLED]
-        if autoreset_mode not in (*allowed_modes, *(mode.value for mode in allowed_modes)):
-            raise OmniError(f"autoreset_mode must be NextStep or Disabled, got {autoreset_mode}")
-        if render_mode not in (None, *TrackEnv.metadata["render_modes"]):
-            raise OmniError(f"render_mode must be 'rgb_array' or None, got {render_mode!r}")
-        self.autoreset_mode, self.render_mode = AutoresetMode(autoreset_mode), render_mode
+        modes: dict[Any, AutoresetMode] = {
+            name: mode for mode in allowed_modes for name in (mode, mode.value)
+        }
+        # Arrays and lists have no hash, and arrays no single truth value.
+        if not isinstance(autoreset_mode, Hashable) or autoreset_mode not in modes:
+            raise OmniError(
+                f"autoreset_mode must be NextStep or Disabled, got {format_value(autoreset_mode)}"
+            )
+        if not isinstance(render_mode, str | None) or render_mode not in (
+            None,
+            *TrackEnv.metadata["render_modes"],
+        ):
+            raise OmniError(
+                f"render_mode must be 'rgb_array' or None, got {format_value(render_mode)}"
+            )
+        self.autoreset_mode, self.render_mode = modes[autoreset_mode], render_mode
         num_envs = check_integer("num_envs", num_envs, 1, MAX_ENVS)
         loaded = _load_single_robot_scenario(scenario, changes)
         if history_length is None:

@@ -1,5 +1,6 @@
 """Atomic writes, locks of output folders, and reads of regular files of bounded size."""
 
+import errno
 import fcntl
 import json
 import os
@@ -9,7 +10,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any, BinaryIO
 
-from omni_control.errors import OmniError
+from omni_control.errors import OmniError, format_value
 
 MAX_JSON_BYTES = 500_000_000
 PARTIAL_SUFFIX = ".partial"  # after the name of a file that is being written
@@ -64,11 +65,16 @@ def create_folder(folder: Path) -> None:
     """Create a folder and its parents if they do not exist.
 
     Raises:
-        OmniError: See `check_folder`.
+        OmniError: Its name is too long, or see `check_folder`.
         OSError: The folder cannot be created.
     """
     check_folder(folder)
-    folder.mkdir(parents=True, exist_ok=True)
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        if error.errno != errno.ENAMETOOLONG:
+            raise
+        raise OmniError(f"the name {format_value(str(folder))} is too long") from None
 
 
 @contextmanager

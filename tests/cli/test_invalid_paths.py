@@ -6,9 +6,12 @@ from pathlib import Path
 import pytest
 from commands import invoke
 
+import omni_mj as om
+
 RECT = "--scenario rect --plant kinematic"
 RUN = f"run {RECT} --controller flc --quiet --out"
-NEVER = 300 * "a"  # longer than any name of a file
+# Longer than any name of a file, and than any path
+TOO_LONG = (300 * "a", 5000 * "a", "a/" * 3000 + "a")
 TAKE_PATHS = {  # what is called with a path, and a name's ending
     "a scenario": ("run --out out --scenario", ".toml"),
     "a robot": (f"{RUN} out --robot", ".toml"),
@@ -44,12 +47,23 @@ def test_unusable_output_folders_are_refused(
     old_paths = set(folder.rglob("*"))
     command, ending = words
     picture = "picture.png" if command in ("film", "screenshot") else ""
-    for path in (NEVER, "a/" * 3000 + "a", "loop/a", "file/a", "/dev/null/a", "\udcff"):
-        assert invoke(command, path + ending, picture) in (1, 2), path
+    for path in (*TOO_LONG, "loop/a", "file/a", "/dev/null/a", "\udcff"):
+        code = invoke(command, path + ending, picture)
         lines = capsys.readouterr().err.splitlines()
+        if path in TOO_LONG:
+            assert (code, len(lines)) == (2, 1)
+        assert code in (1, 2), path
         assert lines
         assert all(line.startswith("error: ") for line in lines), lines
         assert set(folder.rglob("*")) == old_paths
+
+
+def test_results_are_not_saved_to_a_name_that_is_too_long() -> None:
+    path = {"waypoints": [[0, 0], [0.1, 0]], "settle_s": 0.0}
+    result = om.run(om.load_scenario("rect", plant="kinematic", reference=path), ["flc"])
+    for name in TOO_LONG:
+        with pytest.raises(om.OmniError, match="too long"):
+            result.save(name)
 
 
 def test_devices_are_refused_as_files(capsys: pytest.CaptureFixture[str]) -> None:

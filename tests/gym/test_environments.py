@@ -199,6 +199,29 @@ def test_ending_an_episode_early_never_pays() -> None:
         assert 0 <= returns[0] <= returns[1]
 
 
+def test_an_episode_that_is_lost_in_its_last_frame_is_terminated_alone() -> None:
+    """As Gymnasium defines them, truncation is an end for another reason than the robot's state."""
+    away = {"plant": "kinematic", "reference": SHORT}
+    env = make_env("rect", max_error_m=100.0, **away)
+    env.reset(seed=1)
+    errors, truncated = [], False
+    while not truncated:
+        _, _, terminated, truncated, info = env.step([-1.0, 0.0, 0.0])
+        assert not terminated
+        errors.append(info["position_error_m"])
+    # The error grows until the end, so this limit is passed in the last frame only.
+    limit = (errors[-1] + max(errors[:-1])) / 2
+    assert errors[-1] > limit
+    envs = make_envs(2, "rect", max_error_m=limit, autoreset_mode="Disabled", **away)
+    envs.reset(seed=[1, 1])
+    ends = [envs.step(np.array([[-1.0, 0, 0], [0.05, 0.03, 0]]))[2:4] for _ in errors]
+    terminated, truncated = np.moveaxis(ends, 1, 0)
+    assert not (terminated & truncated).any()
+    assert terminated[-1].tolist() == [True, False]
+    assert truncated[-1].tolist() == [False, True]
+    assert not (terminated | truncated)[:-1].any()
+
+
 def test_observations_are_within_their_space() -> None:
     """Also if faults act, and if a reference turns away by more than 100 rad."""
     spins = [[0, 0, 6 * i] for i in range(25)]
@@ -313,6 +336,14 @@ def test_robots_that_cannot_share_a_model_are_simulated_apart() -> None:
         ({"max_error_m": "1"}, "max_error_m must be a number above 0, got '1'"),
         ({"num_envs": 0}, "num_envs must be an integer from 1"),
         ({"num_envs": "3"}, "num_envs must be an integer from 1"),
+        ({"render_mode": ["rgb_array"]}, "render_mode must be 'rgb_array' or None"),
+        ({"render_mode": np.array(["rgb_array"])}, "render_mode must be 'rgb_array' or None"),
+        ({"autoreset_mode": ["NextStep"]}, "must be NextStep or Disabled"),
+        ({"autoreset_mode": np.array(["NextStep", "x"])}, "must be NextStep or Disabled"),
+        ({"autoreset_mode": np.array("NextStep")}, "must be NextStep or Disabled"),
+        ({"plant": np.array(["planar", "x"])}, "plant must be"),
+        ({"scenario": ["rect"]}, "must be"),
+        ({"scenario": 5000 * "a"}, "unknown scenario"),
     ],
 )
 def test_invalid_arguments_are_rejected_with_one_line(
