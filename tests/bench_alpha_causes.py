@@ -1,6 +1,6 @@
 """Alpha by scenario, and the part of it that each cause takes, for docs/data/alpha-causes.csv.
 
-    python tests/bench_alpha_causes.py [--robot tigers-v2016] [--scenario rect ...] [--seeds 3]
+    python tests/bench_alpha_causes.py [ROBOT SCENARIO...]
 
 comp-flc drives on the plant planar. Alpha is the ratio of achieved to commanded displacement in
 windows of 0.25 s (the paper's equation 8), where all commands exceed 0.1 m/s. Its mean is weighted
@@ -8,7 +8,6 @@ by the commanded displacement. In these scenarios, x is forward and y sideways. 
 cause is the rise of the mean without it.
 """
 
-import argparse
 import csv
 import sys
 from collections.abc import Callable
@@ -21,7 +20,7 @@ from omni_mj.config.settings import Settings
 from omni_mj.results.alpha_windows import ALPHA_WINDOW_FRAMES, driven_alpha
 from omni_mj.studies.alpha import operating_conditions
 
-SCENARIOS = (
+SCENARIOS = [
     "rect",
     "league",
     "slippery",
@@ -30,7 +29,7 @@ SCENARIOS = (
     "fault-all",
     "hot-motors",
     "low-battery",
-)
+]
 PAPER_RANGE = 0.7, 1.0
 # Cause -> function that removes it from settings
 CAUSES: dict[str, Callable[[Settings], Settings]] = {
@@ -66,15 +65,11 @@ def format_pair(values: Array, digits: int = 2) -> str:
 
 def main() -> None:
     """Print the table."""
-    parser = argparse.ArgumentParser()
-    parser.add_argument("--robot", default="tigers-v2016")
-    parser.add_argument("--scenario", nargs="+", default=SCENARIOS)
-    parser.add_argument("--seeds", type=int, default=3)
-    options = parser.parse_args()
+    robot, *scenarios = sys.argv[1:] or ["tigers-v2016", *SCENARIOS]
     writer = csv.writer(sys.stdout, lineterminator="\n")
     writer.writerow(["scenario", "alpha x / y", "in 0.7 to 1, %", *CAUSES])
-    for name in options.scenario:
-        scenario = om.load_scenario(name, robot=options.robot, plant="planar", seeds=options.seeds)
+    for name in scenarios:
+        scenario = om.load_scenario(name, robot=robot, plant="planar", seeds=3)
         mean, share = measure_alpha(scenario, scenario.settings)
         row = [f"`{name}`", format_pair(mean), f"{100 * share:.0f}"]
         for remove_cause in CAUSES.values():
