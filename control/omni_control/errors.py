@@ -1,9 +1,10 @@
 """Errors that a user can cause, and text for their messages."""
 
 import difflib
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 
 MAX_LISTED_NAMES = 60
+MAX_LISTED_VALUES = 10
 MAX_LINE_LENGTH = 4000  # characters of a line of a message
 MAX_VALUE_LENGTH = 200  # characters of a wrong value in a message
 
@@ -39,6 +40,12 @@ def format_value(value: object) -> str:
         return "a value that cannot be printed"
 
 
+def list_first(items: Sequence[str], separator: str = ", ", limit: int = MAX_LISTED_VALUES) -> str:
+    """Return the first items of a list as text, with the number of the others."""
+    more = [f"and {len(items) - limit} more"] if len(items) > limit else []
+    return separator.join([*items[:limit], *more])
+
+
 def suggest_names(misspelled: object, allowed: Iterable[str]) -> str:
     """Return 'did you mean X? choose from A, B, C', with the allowed names in the given order.
 
@@ -50,4 +57,4 @@ def suggest_names(misspelled: object, allowed: Iterable[str]) -> str:
         listed = ", ".join(map(repr, similar[:-1]))
         return f"did you mean {listed + ' or ' if listed else ''}{similar[-1]!r}?"
     hint = f"did you mean {similar[0]!r}? " if similar else ""
-    return f"{hint}choose from {', '.join(names)}"
+    return f"{hint}choose from {list_first(names, limit=MAX_LISTED_NAMES)}"

@@ -2,6 +2,9 @@
 
 import math
 from collections.abc import Iterator
+from typing import Any
+
+from pydantic import field_validator
 
 from omni_mj.config.validation import FROM_ROBOT, SettingsModel, setting
 
@@ -65,7 +68,7 @@ class MotorSettings(SettingsModel):
         FROM_ROBOT, "datasheet: rotor inertia", "kg m^2", low=0, high=1
     )
     gear_ratio: float = setting(
-        FROM_ROBOT, "gear ratio: turns of the motor per turn of the wheel", low=0.01, high=1000
+        FROM_ROBOT, "gear ratio: turns of the motor per turn of the wheel", low=1, high=1000
     )
     dry_friction_fraction: float = setting(
         FROM_ROBOT,
@@ -118,6 +121,21 @@ class MotorSettings(SettingsModel):
         low=-0.01,
         high=0,
     )
+
+    @field_validator("gear_ratio", mode="before")
+    @classmethod
+    def _name_inverted_gear(cls, ratio: Any) -> Any:
+        """Refuse a ratio written the other way round, as turns of the wheel per turn of the motor.
+
+        Raises:
+            ValueError: The ratio is between 0 and 1.
+        """
+        if isinstance(ratio, int | float) and 0 < ratio < 1:
+            raise ValueError(
+                f"motor.gear_ratio must be turns of the motor per turn of the wheel (1 to 1000), "
+                f"not {ratio!r}; did you mean {1 / ratio:.3g}?"
+            )
+        return ratio
 
     @property
     def commutation_ohm_s(self) -> float:

@@ -4,6 +4,7 @@ import math
 import re
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
+from itertools import groupby
 from typing import Annotated, Any, ClassVar, Literal, NamedTuple, Self, get_args, get_origin
 
 import numpy as np
@@ -21,9 +22,11 @@ from pydantic.fields import FieldInfo
 from pydantic_core import ErrorDetails
 
 from omni_control.errors import (
+    MAX_LISTED_VALUES,
     MAX_VALUE_LENGTH,
     OmniError,
     format_value,
+    list_first,
     suggest_names,
     to_printable,
 )
@@ -147,7 +150,13 @@ class SettingsModel(BaseModel):
         else:
             return
         # Outside of `except`, so that tracebacks do not include pydantic's error.
-        raise_errors(line for detail in details for line in self._format_error(detail))
+        messages = []
+        for _, field_details in groupby(details, lambda detail: detail["loc"][:1]):
+            groups = [list(self._format_error(detail)) for detail in field_details]
+            n_values = len(groups)  # of a list; a section is one group with a line per field
+            lines = [line for group in groups for line in group]
+            messages.append(list_first(lines, "\n") if n_values > 1 else "\n".join(lines))
+        raise_errors(messages, limit=len(messages))
 
     def find_contradictions(self) -> Iterable[str]:
         """Return a message for each contradiction between values; overridden by subclasses."""
@@ -199,14 +208,14 @@ class SettingsModel(BaseModel):
             yield f"{full_name} {rule}{limits}, not {format_value(error['input'])}"
 
 
-def raise_errors(messages: Iterable[str]) -> None:
-    """Raise one error for all messages, without duplicates. Do nothing if there are none.
+def raise_errors(messages: Iterable[str], limit: int = MAX_LISTED_VALUES) -> None:
+    """Raise one error for the first messages, without duplicates. Do nothing if there are none.
 
     Raises:
-        OmniError: There is a message. The error's text has one line per message.
+        OmniError: There is a message. The error's text has one line for each of the first messages.
     """
-    if lines := dict.fromkeys(messages):
-        raise OmniError("\n".join(lines))
+    if lines := list(dict.fromkeys(messages)):
+        raise OmniError(list_first(lines, "\n", limit))
 
 
 def find_degrees(name: str, turns: Iterable[float]) -> Iterator[str]:

@@ -36,7 +36,15 @@ def with_rows(data: bytes, n_rows: int) -> bytes:
 def write_hostile_files() -> dict[str, str]:
     """Write files of some kB into the current folder; return the message about each."""
     pq.write_table(pa.table({"time_s": np.zeros(N_ROWS)}), "rows.parquet")
-    Path("rows.parquet").write_bytes(with_rows(Path("rows.parquet").read_bytes(), 10**12))
+    plain = Path("rows.parquet").read_bytes()
+    Path("rows.parquet").write_bytes(with_rows(plain, 10**12))
+    Path("times.parquet").write_bytes(with_rows(plain, 10**8))
+    log = pa.table(
+        dict.fromkeys(["time_s", "x_m", "y_m", "heading_rad", "wheel_1_rad"], np.zeros(N_ROWS))
+    )
+    pq.write_table(log, "log.parquet")
+    Path("log.parquet").write_bytes(with_rows(Path("log.parquet").read_bytes(), 10**12))
+    pq.write_table(pa.table({f"c{i}": [0] for i in range(10_001)}), "columns.parquet")
     text = pa.DictionaryArray.from_arrays(np.zeros(10**6, np.int32), pa.array(["x" * 10**6]))
     pq.write_table(pa.table({"time_s": text}), "texts.parquet", store_schema=False)
     for name, column in (
@@ -53,6 +61,8 @@ def write_hostile_files() -> dict[str, str]:
     nested = r"its column \\x1b\[31m must hold numbers, texts or times, not "
     return {
         "rows": "1000000000000 rows of 1 columns need 8e.03 GB of memory; at most .* are allowed",
+        "times": "100000000 rows of 1 columns need .* times the memory of the file; at most 1000",
+        "columns": "it has 10001 columns; at most 10000 are allowed",
         "texts": "the texts of its column time_s need 1e.03 GB of memory",
         "lists": f"{nested}list",
         "structs": f"{nested}struct",
@@ -73,9 +83,9 @@ def test_files_that_would_fill_the_memory_are_not_read(
     for name, message in messages.items():
         with pytest.raises(om.OmniError, match=f"^{name}.parquet cannot be read: .*{message}"):
             parquet.read_table(Path(f"{name}.parquet"))
-    assert invoke("identify rows.parquet --out out") == 2
+    assert invoke("identify log.parquet --out out") == 2
     (line,) = capsys.readouterr().err.splitlines()
-    assert "need 8e+03 GB of memory" in line
+    assert "1000000000000 lines are too many; at most 5000000" in line
     assert not Path("out").exists()
 
 

@@ -268,7 +268,7 @@ BAD: dict[str, tuple[Callable[[Columns], Columns], str]] = {
         "are they this robot's",
     ),
     "short": (lambda c: {k: v[:100] for k, v in c.items()}, "too few to identify anything"),
-    "time in ms": (lambda c: c | {"time_s": 1e3 * c["time_s"]}, "time_s must be in s"),
+    "time in ms": (lambda c: c | {"time_s": 1e3 * c["time_s"]}, "did you mean time_ms"),
 }
 
 

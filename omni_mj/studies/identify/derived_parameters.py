@@ -292,7 +292,8 @@ def _why_not_identified(
         if excitation in missing_excitation:
             return missing_excitation[excitation]
     for quantity, residuals in fit.residuals.items():
-        ratio = residuals.rms / residuals.noise
+        # A log may have no noise.
+        ratio = residuals.rms / max(residuals.noise, residuals.allowed)
         if fit.misfit and ratio > MAX_NOISE_RATIO[fit.problem.segments.source]:
             return (
                 "the model does not describe this motion: residuals of "

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from omni_control.errors import list_first
 from omni_control.kinematics import Array, Kinematics, wrap_angle
 from omni_mj.studies.identify.log_checks import (
     LoggedMotion,
@@ -61,10 +62,9 @@ def discard_unexplained_poses(log: RobotLog, geometry: Kinematics) -> tuple[Robo
         f"{log.time[start] - log.time[0]:.2f} to {log.time[stop - 1] - log.time[0]:.2f} s"
         for start, stop in bounds.reshape(-1, 2)
     ]
-    more = f", and {len(spans) - 5} more" if len(spans) > 5 else ""
     remark = (
         f"{log.name}: cut out where the {source} do not explain the poses (a robot that is carried "
-        f"or pushed, or a false detection): {', '.join(spans[:5])}{more}"
+        f"or pushed, or a false detection): {list_first(spans)}"
     )
     return replace(log, pose=pose), [remark]
 

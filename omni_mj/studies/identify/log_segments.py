@@ -41,6 +41,7 @@ class LogSegments:
         time: Times of the samples on the common time axis, (S, m) s.
         pose: Measured poses, world frame, (S, m, 3).
         in_body: Whether twists are in the body frame, (S,).
+        noise_floor: Standard deviation by the steps of measured poses, m, m and rad, (3,).
     """
 
     source: str
@@ -49,6 +50,7 @@ class LogSegments:
     time: Array
     pose: Array
     in_body: np.ndarray
+    noise_floor: Array
 
     def __len__(self) -> int:
         return len(self.time)
@@ -127,4 +129,6 @@ def cut_segments(logs: Sequence[RobotLog], source: str) -> LogSegments:
     inputs = np.concatenate([log.inputs[source] for log in logs])
     integral = integrate_inputs(np.concatenate(times), inputs)
     time, pose, in_body = map(np.array, zip(*segments, strict=True))
-    return LogSegments(source, period, integral, time, pose, in_body)
+    # Errors of rounding are equally distributed over a step.
+    noise_floor = np.max([log.pose_steps for log in logs], axis=0) / 12**0.5
+    return LogSegments(source, period, integral, time, pose, in_body, noise_floor)

@@ -189,7 +189,8 @@ class ProjectedProblem:
         ranges = np.array([RANGES[name] for name in free]).T
         self.scale, self.steps, self.low, self.high = ranges[:4]
         noise = np.median(np.abs(_white_differences(segments.pose)), axis=(0, 1))
-        self.weights = np.array([1.0, 1.0, noise[:2].mean() / max(noise[2], 1e-6)])
+        noise = np.maximum(noise, segments.noise_floor)
+        self.weights = np.array([1.0, 1.0, max(noise[:2].mean(), 1e-6) / max(noise[2], 1e-6)])
         self.initial_states = segments.estimate_initial_states()
         self.jacobian = np.empty(0)
 
@@ -274,7 +275,9 @@ def fit_parameters(
     if drop_outliers and has_few_outliers and is_inlier.sum() >= MIN_SEGMENTS:
         inliers = segments.select(is_inlier)
         return fit_parameters(dynamics, inliers, problem.parameters(x), free, False)
-    allowed_m, allowed_rad = ALLOWED[segments.source]
+    # Errors of rounding persist while the robot is slow.
+    floor_m, _, floor_rad = segments.noise_floor
+    allowed_m, allowed_rad = np.hypot(ALLOWED[segments.source], [floor_m, floor_rad]).tolist()
     residuals = {
         "positions": measure_residuals(residual[..., :2], allowed_m),
         "headings": measure_residuals(residual[..., 2:] / problem.weights[2], allowed_rad),

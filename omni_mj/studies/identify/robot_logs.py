@@ -8,21 +8,32 @@ a separate log.
 import csv
 import os
 import re
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Collection, Iterable, Iterator, Sequence
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 import pyarrow as pa
+import pyarrow.compute as pc
 import pyarrow.csv
 from scipy.interpolate import BSpline, make_interp_spline
 
-from omni_control.errors import OmniError, suggest_names, to_printable
+from omni_control.errors import OmniError, list_first, suggest_names, to_printable
 from omni_control.kinematics import Array
 from omni_mj.config import toml_files
 from omni_mj.io import parquet
+from omni_mj.io.free_memory import require_memory
+from omni_mj.io.printable_text import format_count
+from omni_mj.studies.identify.measured_lines import (
+    ROUNDING,
+    find_measured_lines,
+    find_step,
+    interpolate_measurements,
+)
 
-Columns = dict[str, pa.ChunkedArray]
+Columns = dict[str, np.ndarray]
 
 POSE_COLUMNS = ("x_m", "y_m", "heading_rad")
 VISION_COLUMNS = ("vision_x_m", "vision_y_m", "vision_heading_rad")
@@ -30,6 +41,14 @@ TRAJECTORY_COMMANDS = ("command_vx_m_s", "command_vy_m_s", "command_w_rad_s")  #
 WORLD_COMMANDS = ("vx_cmd_world_m_s", "vy_cmd_world_m_s", "w_cmd_rad_s")
 BODY_COMMANDS = ("vx_cmd_body_m_s", "vy_cmd_body_m_s", "w_cmd_rad_s")
 WHEEL_PATTERNS = ("wheel_{}_rad", "wheel_angle_{}_rad", "wheel_{}_rad_s")
+ROBOT_COLUMNS = ("controller", "seed", "slot")
+DATE_COLUMNS = ("time", "timestamp")  # read as time_s if they hold dates
+DATE_TYPES = (
+    pa.timestamp("ns"),
+    pa.timestamp("ns", "UTC"),
+    pa.time64("ns"),
+    pa.duration("ns"),
+)
 INPUTS_TEXT = (
     f"commands ({', '.join(WORLD_COMMANDS)}; or {', '.join(BODY_COMMANDS)}) or wheels "
     "(wheel_1_rad or wheel_1_rad_s, ...)"
@@ -37,7 +56,7 @@ INPUTS_TEXT = (
 # Names of the columns that are read
 KNOWN_COLUMN = re.compile(
     "|".join(
-        ["time_s", *POSE_COLUMNS, *VISION_COLUMNS, "vision_valid", "controller", "seed", "slot"]
+        ["time_s", *POSE_COLUMNS, *VISION_COLUMNS, "vision_valid", *ROBOT_COLUMNS]
         + [*TRAJECTORY_COMMANDS, *WORLD_COMMANDS, *BODY_COMMANDS]
         + [pattern.format(r"\d+") for pattern in WHEEL_PATTERNS]
     )
@@ -56,7 +75,12 @@ UNITS = {
 }
 SEPARATORS = ",;\t| "
 MAX_HEADER_LINES, MAX_HEADER_BYTES = 50, 100_000  # at the start of a file, with column names
-MIN_LINES = 30
+MAX_NAME_LENGTH = 100  # of a column that is read
+BLOCK_BYTES = 1 << 20  # of a CSV file, which Arrow reads at once; a line must be shorter
+MIN_LINES, MAX_LINES = 30, 5_000_000
+MAX_STEPS = {"positions": (0.1, "m"), "headings": (0.2, "rad")}  # of measured poses
+MAX_WRAPPED_RAD = 2 * np.pi + 0.01  # range of wheel angles within one turn, rounded
+MAX_UNWRAPPED_RAD = 2.5  # change from line to line; from pi on, the direction is ambiguous
 MAX_GAP_PERIODS = 3.5  # a longer gap splits a log
 MIN_PERIOD_S, MAX_PERIOD_S = 5e-4, 0.5  # from line to line
 
@@ -72,6 +96,7 @@ class RobotLog:
         inputs: Mapping from source to inputs. "wheels": mean wheel speeds from each line to the
             next, (F, W) rad/s. "commands": twists that act until the next line, (F, 3).
         in_body: Whether commands are in the body frame.
+        pose_steps: Steps of measured poses in m, m and rad, (3,); see `find_step`.
     """
 
     name: str
@@ -79,47 +104,68 @@ class RobotLog:
     pose: Array
     inputs: dict[str, Array]
     in_body: bool
+    pose_steps: Array = field(default_factory=lambda: np.zeros(3))
+
+
+class Source(NamedTuple):
+    """Column of a file.
+
+    Attributes:
+        name: Its name in the file.
+        factor: Factor to SI units; None for dates, which need no unit.
+    """
+
+    name: str
+    factor: float | None
+
+
+class CsvHeader(NamedTuple):
+    """Start of a CSV file.
+
+    Attributes:
+        names: Names of the columns.
+        n_lines: Number of lines of the file.
+        line: Number of the line with the names, from 0.
+        separator: Separator of columns.
+    """
+
+    names: Sequence[str]
+    n_lines: int
+    line: int
+    separator: str
 
 
 def read_logs(file: Path | str) -> list[RobotLog]:
     """Read the logs in a CSV or Parquet file, one log per robot.
 
     Raises:
-        OmniError: The file cannot be read, columns or values are missing, or time does not
-            increase.
+        OmniError: The file cannot be read, is too large, columns or values are missing, or time
+            does not increase.
     """
     path = Path(file)
     columns = _read_columns(path)
-    is_angle, wheels = _wheel_columns(path, columns)
-    command_sets = (TRAJECTORY_COMMANDS, WORLD_COMMANDS, BODY_COMMANDS)
-    command = next((names for names in command_sets if columns.keys() >= set(names)), ())
-    for name in ("time_s", *POSE_COLUMNS):
-        if name not in columns:
-            choices = suggest_names(name, columns)
-            raise OmniError(f"{path.name}: column {name} is missing; {choices}")
-    if not command and not wheels:
-        raise OmniError(f"{path.name}: neither commands nor wheels; give {INPUTS_TEXT}")
-    has_vision = columns.keys() >= set(VISION_COLUMNS)
-    pose = _to_numbers(path, columns, VISION_COLUMNS if has_vision else POSE_COLUMNS)
+    is_angle, wheels = _wheel_columns(columns)
+    command = _command_columns(columns)
+    pose = _stack_columns(columns, _pose_columns(columns))
     if "vision_valid" in columns:
-        pose[~columns["vision_valid"].to_numpy().astype(bool)] = np.nan
-    time = _to_numbers(path, columns, ["time_s"])[:, 0]
+        pose[columns["vision_valid"] != 1] = np.nan
     sources = {"wheels": wheels, "commands": command}
-    inputs = {
-        source: _to_numbers(path, columns, names) for source, names in sources.items() if names
-    }
-    robots = _robot_names(columns, len(time))
+    inputs = {source: _stack_columns(columns, names) for source, names in sources.items() if names}
     logs = []
-    for robot in dict.fromkeys(robots.tolist()) or [""]:
-        lines = np.flatnonzero(robots == robot)
-        robot_inputs = {source: values[lines] for source, values in inputs.items()}
+    for robot, lines in _group_lines(columns).items():
         name = f"{path.name} ({robot})" if robot else path.name
-        in_body = command == BODY_COMMANDS
-        log = _clean(RobotLog(name, time[lines], pose[lines], robot_inputs, in_body))
-        if wheels:
-            speeds = _mean_speeds(log.time, log.inputs["wheels"], is_angle)
-            log = replace(log, inputs=log.inputs | {"wheels": speeds})
-        logs.append(log)
+        # A drive of external robots has columns for wheels, without values.
+        robot_inputs = {
+            source: values[lines]
+            for source, values in inputs.items()
+            if not np.isnan(values[lines]).all()
+        }
+        if not robot_inputs:
+            raise OmniError(f"{name}: {' and '.join(inputs)} have no values; give {INPUTS_TEXT}")
+        log = RobotLog(
+            name, columns["time_s"][lines], pose[lines], robot_inputs, command == BODY_COMMANDS
+        )
+        logs.append(_clean(log, is_angle))
     return logs
 
 
@@ -151,15 +197,28 @@ def integrate_windows(time: Array, inputs: Array, start: Array, window: float) -
     return integral(start + window) - integral(start)
 
 
-def _robot_names(columns: Columns, lines: int) -> np.ndarray:
-    """Return controller, seed and slot of each line as text; empty without such columns."""
-    keys = [columns[key].to_pylist() for key in ("controller", "seed", "slot") if key in columns]
-    names = [" ".join(map(str, values)) for values in zip(*keys, strict=True)]
-    return np.array(names or [""] * lines, str)
+def _group_lines(columns: Columns) -> dict[str, list[int]]:
+    """Return a mapping from controller, seed and slot to the lines that have them.
+
+    Without such columns, all lines belong to the key "".
+    """
+    keys = [columns[key].tolist() for key in ROBOT_COLUMNS if key in columns]
+    if not keys:
+        return {"": list(range(len(columns["time_s"])))}
+    groups = dict[str, list[int]]()
+    for line, values in enumerate(zip(*keys, strict=True)):
+        groups.setdefault(to_printable(" ".join(map(str, values)), 100), []).append(line)
+    return groups
 
 
-def _clean(log: RobotLog) -> RobotLog:
-    """Return a log with unwrapped headings, without repeated lines and poses.
+def _clean(log: RobotLog, is_angle: bool) -> RobotLog:
+    """Return a log with unwrapped headings and mean wheel speeds, without repeated lines.
+
+    Poses that were not measured become NaN. Wheels that were not measured are interpolated.
+
+    Args:
+        log: The log, with wheel angles or speeds in place of mean speeds.
+        is_angle: Whether it has wheel angles.
 
     Raises:
         OmniError: There are too few lines, times are not valid, or commands are missing.
@@ -171,20 +230,60 @@ def _clean(log: RobotLog) -> RobotLog:
         raise OmniError(f"{log.name}: time_s does not increase from line {line} to {line + 1}")
     is_new = np.diff(log.time, prepend=-np.inf) > 0
     if is_new.sum() < MIN_LINES:
-        raise OmniError(f"{log.name}: {is_new.sum()} times are too few; at least {MIN_LINES}")
+        raise OmniError(
+            f"{log.name}: time_s has {format_count(int(is_new.sum()), 'different value')} in "
+            f"{format_count(len(log.time), 'line')}; at least {MIN_LINES} are needed"
+        )
     time, pose = log.time[is_new], log.pose[is_new]
-    period = float(np.median(np.diff(time)))
-    if not MIN_PERIOD_S <= period <= MAX_PERIOD_S:
-        raise OmniError(f"{log.name}: {period:g} s from line to line; time_s must be in s")
+    _check_period(log.name, float(np.median(np.diff(time))))
     pose[~np.isfinite(pose)] = np.nan
-    is_repeated = (np.diff(pose, axis=0) == 0).all(1)
-    pose[1:][is_repeated] = np.nan
+    steps = np.array([find_step(values) for values in pose.T])
+    _check_steps(log.name, steps)
     has_heading = np.isfinite(pose[:, 2])
     pose[has_heading, 2] = np.unwrap(pose[has_heading, 2])
+    pose[~find_measured_lines(pose, steps)] = np.nan
     inputs = {source: values[is_new] for source, values in log.inputs.items()}
     for source, values in inputs.items():
         _require_finite(f"{log.name}: {source} are", values)
-    return replace(log, time=time, pose=pose, inputs=inputs)
+    if "wheels" in inputs:
+        inputs["wheels"] = _mean_speeds(log.name, time, inputs["wheels"], is_angle)
+        # A logger that repeats wheels ends after their last measurement.
+        is_known = np.isfinite(inputs["wheels"]).all(1)
+        time, pose = time[is_known], pose[is_known]
+        inputs = {source: values[is_known] for source, values in inputs.items()}
+    return replace(log, time=time, pose=pose, inputs=inputs, pose_steps=steps)
+
+
+def _check_period(name: str, period: float) -> None:
+    """Raise OmniError if the time in s from line to line is not valid.
+
+    Args:
+        name: Name of the log.
+        period: The time.
+    """
+    if MIN_PERIOD_S <= period <= MAX_PERIOD_S:
+        return
+    hints = [
+        f"; did you mean time_{unit}?"
+        for unit, (si_unit, factor) in UNITS.items()
+        if si_unit == "s" and MIN_PERIOD_S <= factor * period <= MAX_PERIOD_S
+    ]
+    raise OmniError(
+        f"{name}: time_s grows by {period:g} s from line to line, but "
+        f"{MIN_PERIOD_S:g} to {MAX_PERIOD_S:g} s are allowed{''.join(hints)}"
+    )
+
+
+def _check_steps(name: str, steps: Array) -> None:
+    """Raise OmniError if the steps of poses (3,) in m, m and rad are too coarse."""
+    for step, (quantity, (max_step, unit)) in zip(
+        (max(steps[:2]), steps[2]), MAX_STEPS.items(), strict=True
+    ):
+        if step > max_step * (1 + ROUNDING):
+            raise OmniError(
+                f"{name}: {quantity} in steps of {step:g} {unit} tell too little; steps of at "
+                f"most {max_step:g} {unit} are needed"
+            )
 
 
 def _require_finite(subject: str, values: Array) -> None:
@@ -194,37 +293,68 @@ def _require_finite(subject: str, values: Array) -> None:
         raise OmniError(f"{subject} missing or infinite in line {invalid_indices[0, 0] + 1}")
 
 
-def _wheel_columns(path: Path, columns: Columns) -> tuple[bool, list[str]]:
+def _wheel_columns(names: Collection[str]) -> tuple[bool, list[str]]:
     """Return whether the columns of wheels hold angles, and the names of these columns.
 
     Raises:
         OmniError: The numbers of wheels do not start with 1, or one is missing.
     """
     for pattern in WHEEL_PATTERNS:
-        present = sorted(filter(re.compile(pattern.format(r"\d+")).fullmatch, columns))
-        names = [pattern.format(i + 1) for i in range(len(present))]
-        if set(names) != set(present):
+        present = sorted(filter(re.compile(pattern.format(r"\d+")).fullmatch, names))
+        expected = [pattern.format(i + 1) for i in range(len(present))]
+        if set(expected) != set(present):
             raise OmniError(
-                f"{path.name}: columns {', '.join(present)}: wheels are numbered from 1, "
-                "without gaps"
+                f"columns {list_first(present)}: wheels are numbered from 1, without gaps"
             )
-        if names:
-            return pattern.endswith("_rad"), names
+        if expected:
+            return pattern.endswith("_rad"), expected
     return False, []
 
 
-def _mean_speeds(time: Array, values: Array, is_angle: bool) -> Array:
+def _command_columns(names: Collection[str]) -> Sequence[str]:
+    """Return the columns of commands, or none."""
+    for command in (TRAJECTORY_COMMANDS, WORLD_COMMANDS, BODY_COMMANDS):
+        if set(command) <= set(names):
+            return command
+    return ()
+
+
+def _pose_columns(names: Collection[str]) -> Sequence[str]:
+    """Return the columns of poses."""
+    return VISION_COLUMNS if set(VISION_COLUMNS) <= set(names) else POSE_COLUMNS
+
+
+def _stack_columns(columns: Columns, names: Sequence[str]) -> Array:
+    """Return columns side by side, (F, names)."""
+    return np.column_stack([columns[name] for name in names])
+
+
+def _mean_speeds(name: str, time: Array, values: Array, is_angle: bool) -> Array:
     """Return mean speeds from each line to the next; the last line repeats the previous one.
 
     Args:
+        name: Name of the log.
         time: Times of the lines, (F,) s.
-        values: Wheel angles in rad, or wheel speeds in rad/s, (F, W). Angles that all lie within
-            one turn are unwrapped.
+        values: Wheel angles in rad, or wheel speeds in rad/s, (F, W). Angles of a wheel that all
+            lie within one turn are unwrapped.
         is_angle: Whether the values are angles.
+
+    Raises:
+        OmniError: Angles within one turn change too fast to be unwrapped.
     """
+    steps = np.array([find_step(column) for column in values.T])
     if is_angle:
-        if np.ptp(values) <= 2 * np.pi:
-            values = np.unwrap(values, axis=0)
+        is_wrapped = np.ptp(values, axis=0) <= MAX_WRAPPED_RAD
+        values = np.where(is_wrapped, np.unwrap(values, axis=0), values)
+        fastest = np.abs(np.diff(values[:, is_wrapped], axis=0)).max(initial=0.0)
+        if fastest > MAX_UNWRAPPED_RAD:
+            raise OmniError(
+                f"{name}: wheel angles within one turn change by up to {fastest:.2g} rad from "
+                f"line to line, but at most {MAX_UNWRAPPED_RAD:g} rad are unambiguous; count "
+                "turns, or measure more often"
+            )
+    values = interpolate_measurements(time, values, steps)
+    if is_angle:
         means = np.diff(values, axis=0) / np.diff(time)[:, None]
     else:
         means = (values[1:] + values[:-1]) / 2
@@ -232,29 +362,73 @@ def _mean_speeds(time: Array, values: Array, is_angle: bool) -> Array:
 
 
 def _read_columns(path: Path) -> Columns:
-    """Return the columns of a CSV or Parquet file by their names in lower case, in SI units.
+    """Return the known columns of a CSV or Parquet file by their names in lower case, in SI units.
 
     Raises:
-        OmniError: The file does not exist, is not a table, or has a known column twice.
+        OmniError: The file does not exist, is not a table, is too large, lacks a column, or has a
+            known column twice.
     """
-    readers = {".csv": _read_csv, ".parquet": parquet.read_table}
-    if path.suffix.lower() not in readers:
+    suffix = path.suffix.lower()
+    if suffix not in (".csv", ".parquet"):
         raise OmniError(f"{path}: a log is a .csv or .parquet file with named columns")
     if not os.path.isfile(path):
         raise OmniError(f"there is no log {path}")
     try:
-        arrow_table = readers[path.suffix.lower()](path)
-        names, factors = zip(*map(_normalize_name, arrow_table.column_names), strict=True)
+        header = _read_csv_header(path) if suffix == ".csv" else parquet.read_header(path)
+        with _prefix_errors(path.name):
+            sources = _find_known_columns(header.names)
+            if header.n_lines > MAX_LINES:
+                raise OmniError(f"{header.n_lines} lines are too many; at most {MAX_LINES}")
+        names = [source.name for source in sources.values()]
+        if isinstance(header, CsvHeader):
+            arrow_table = _read_csv(path, header, names)
+        else:
+            arrow_table = parquet.read_table(path, names)
     except (pa.ArrowException, OSError, ValueError, csv.Error) as error:
+        if isinstance(error, OmniError):
+            raise
         raise OmniError(f"{path} cannot be read: {to_printable(str(error), 200)}") from None
-    for name in filter(KNOWN_COLUMN.fullmatch, names):
-        if names.count(name) > 1:
-            raise OmniError(f"{path.name}: column {name} is there twice; leave one")
-    columns = dict(zip(names, arrow_table.columns, strict=True))
-    for name, factor in zip(names, factors, strict=True):
-        if factor != 1:
-            columns[name] = pa.chunked_array([factor * _to_numbers(path, columns, [name])[:, 0]])
-    return columns
+    with _prefix_errors(path.name):
+        return {
+            known_name: _to_array(arrow_table[source.name], known_name, source)
+            for known_name, source in sources.items()
+        }
+
+
+@contextmanager
+def _prefix_errors(name: str) -> Iterator[None]:
+    """Put the name of a file before the messages of errors in the block."""
+    try:
+        yield
+    except OmniError as error:
+        raise OmniError(f"{name}: {error}") from None
+
+
+def _find_known_columns(names: Sequence[str]) -> dict[str, Source]:
+    """Return a mapping from each known column to its source in a file with given names.
+
+    Raises:
+        OmniError: A known column is there twice, or a required one is missing.
+    """
+    normalized = [_normalize_name(name) for name in names]
+    sources = dict[str, Source]()
+    for name, (known_name, factor) in zip(names, normalized, strict=True):
+        if not KNOWN_COLUMN.fullmatch(known_name):
+            continue
+        if known_name in sources:
+            raise OmniError(f"column {known_name} is there twice; leave one")
+        sources[known_name] = Source(name, factor)
+    for name, (other_name, _) in zip(names, normalized, strict=True):
+        if other_name in DATE_COLUMNS:
+            sources.setdefault("time_s", Source(name, None))
+    for name in ("time_s", *_pose_columns(sources)):
+        if name not in sources:
+            raise OmniError(
+                f"column {name} is missing; {suggest_names(name, [name for name, _ in normalized])}"
+            )
+    if not _command_columns(sources) and not _wheel_columns(sources)[1]:
+        raise OmniError(f"neither commands nor wheels; give {INPUTS_TEXT}")
+    return sources
 
 
 def _normalize_name(name: str) -> tuple[str, float]:
@@ -263,6 +437,8 @@ def _normalize_name(name: str) -> tuple[str, float]:
     The name is in lower case, without comment signs, quotes and spaces. `Heading [deg]` becomes
     heading_rad, with the factor pi / 180.
     """
+    if len(name) > MAX_NAME_LENGTH:
+        return name, 1.0
     name = re.sub(r"\s*[\[(](.*)[\])]$", r"_\1", name.strip("# \"'").lower())
     name = to_printable(name.replace("/", "_").replace("°", "deg"))
     name = re.sub(r"_([a-z]+(?:_s)?)_\1$", r"_\1", name)  # x_m [m]
@@ -273,14 +449,19 @@ def _normalize_name(name: str) -> tuple[str, float]:
     return name, 1.0
 
 
-def _read_csv(path: Path) -> pa.Table:
-    """Read a CSV file.
+def _read_csv_header(path: Path) -> CsvHeader:
+    """Return the header of a CSV file.
 
-    The line with the names and the separator are those with the most known names. The decimal
-    separator is the one with which most known columns are numbers.
+    The line with the names and the separator are those with the most known names.
+
+    Raises:
+        ValueError: There is no line below the names, or the names are too long.
     """
     with path.open("rb") as file:
         head = file.read(MAX_HEADER_BYTES)
+        n_lines = head.count(b"\n") + sum(
+            chunk.count(b"\n") for chunk in iter(lambda: file.read(BLOCK_BYTES), b"")
+        )
     # Only the first lines are decoded here. Arrow decodes the others.
     lines = re.split(r"\r?\n|\r", toml_files.decode_utf8(head, "replace"))
     choices = [
@@ -290,16 +471,40 @@ def _read_csv(path: Path) -> pa.Table:
     ]
     number, separator, names = max(choices, key=lambda choice: _count_known_names(choice[2]))
     if not any(lines[number + 1 :]):
+        if len(head) == MAX_HEADER_BYTES:
+            raise ValueError(f"its names of columns need more than {MAX_HEADER_BYTES} bytes")
         raise ValueError("Empty CSV file: no line below the names of columns")
+    return CsvHeader(names, n_lines, number, separator)
+
+
+def _read_csv(path: Path, header: CsvHeader, names: Sequence[str]) -> pa.Table:
+    """Read columns of a CSV file.
+
+    The decimal separator is the one with which most columns are numbers.
+    """
+    n_values = header.n_lines * len(names)
+    require_memory(path, f"{header.n_lines} lines", path.stat().st_size + 8 * n_values)
     arrow_tables = []
     for decimal_point in ".,":
         with pa.OSFile(os.fsencode(path)) as file:  # as in `omni_mj.io.parquet`
-            arrow_table = pa.csv.read_csv(
-                file,
-                read_options=pa.csv.ReadOptions(skip_rows=number + 1, column_names=names),
-                parse_options=pa.csv.ParseOptions(delimiter=separator),
-                convert_options=pa.csv.ConvertOptions(decimal_point=decimal_point),
-            )
+            try:
+                arrow_table = pa.csv.read_csv(
+                    file,
+                    read_options=pa.csv.ReadOptions(
+                        skip_rows=header.line + 1,
+                        column_names=header.names,
+                        block_size=BLOCK_BYTES,
+                        use_threads=False,
+                    ),
+                    parse_options=pa.csv.ParseOptions(delimiter=header.separator),
+                    convert_options=pa.csv.ConvertOptions(
+                        decimal_point=decimal_point, include_columns=names
+                    ),
+                )
+            except pa.ArrowInvalid as error:
+                if "straddl" in str(error):
+                    raise ValueError(f"a line is longer than {BLOCK_BYTES} bytes") from None
+                raise
         arrow_tables.append(arrow_table)
     return max(arrow_tables, key=_count_number_columns)
 
@@ -310,23 +515,48 @@ def _count_known_names(names: Iterable[str]) -> int:
 
 
 def _count_number_columns(arrow_table: pa.Table) -> int:
-    """Return the number of known columns that hold numbers."""
-    return _count_known_names(
-        field.name for field in arrow_table.schema if not pa.types.is_string(field.type)
-    )
+    """Return the number of columns that do not hold texts."""
+    return sum(not pa.types.is_string(field.type) for field in arrow_table.schema)
 
 
-def _to_numbers(path: Path, columns: Columns, names: Sequence[str]) -> Array:
-    """Return columns as numbers, (F, names).
+def _to_array(column: pa.ChunkedArray, name: str, source: Source) -> np.ndarray:
+    """Return a column as numbers in SI units, or as objects if it names robots.
 
     Raises:
-        OmniError: A column holds values that are not numbers.
+        OmniError: The column holds values that are not numbers.
     """
-    values = []
-    for name in names:
-        try:
-            values.append(columns[name].cast("float64").to_numpy())
-        except pa.ArrowException as error:
-            reason = to_printable(str(error), 200)
-            raise OmniError(f"{path.name}: column {name} must hold numbers: {reason}") from None
-    return np.column_stack(values)
+    if name in ROBOT_COLUMNS:
+        return np.array(column.to_pylist(), object)
+    if name == "time_s":
+        return _to_seconds(column, source)
+    try:
+        numbers: Array = column.cast("float64").to_numpy()
+    except pa.ArrowException as error:
+        reason = to_printable(str(error), 200)
+        raise OmniError(f"column {name} must hold numbers: {reason}") from None
+    assert source.factor is not None
+    return source.factor * numbers
+
+
+def _to_seconds(column: pa.ChunkedArray, source: Source) -> Array:
+    """Return times in s. Whole numbers and dates count from the first one.
+
+    Raises:
+        OmniError: The column holds values that are neither numbers nor dates.
+    """
+    if pa.types.is_integer(column.type):
+        # A float has no room for ns since 1970.
+        column = pc.subtract_checked(column, pc.min(column))
+    with suppress(pa.ArrowException):
+        numbers: Array = column.cast("float64").to_numpy()
+        if source.factor is None:
+            raise OmniError(f"column {source.name} has no unit; call it time_s, time_ms or time_ns")
+        return source.factor * numbers
+    for date_type in DATE_TYPES:
+        with suppress(pa.ArrowException):
+            nanoseconds = column.cast(date_type).cast("int64")
+            return 1e-9 * pc.subtract(nanoseconds, pc.min(nanoseconds)).cast("float64").to_numpy()
+    example = to_printable(str(column.drop_null()[0].as_py()), 100)
+    raise OmniError(
+        f"column time_s must hold numbers, or dates such as 2026-07-03T14:05:06.016Z, not {example}"
+    )
