@@ -52,7 +52,8 @@ def fit_latency(velocities: Array, positions: Array, *, is_angle: bool) -> Laten
         is_angle: Whether positions are angles.
 
     Returns:
-        Latency and alpha that explain the displacements best. None if the robot hardly moves.
+        Latency and positive alpha that explain the displacements best. None if the robot hardly
+        moves, or only against its commands.
     """
     displacements = positions[WINDOW_FRAMES:] - positions[:-WINDOW_FRAMES]
     if is_angle:
@@ -74,6 +75,8 @@ def fit_latency(velocities: Array, positions: Array, *, is_angle: bool) -> Laten
     power = np.maximum((expected**2).sum(1), 1e-12)
     alphas = expected @ measured / power
     explained_power = np.where(alphas > 0, alphas**2 * power, -np.inf)
+    if (alphas <= 0).all():
+        return None
     best = int(explained_power.argmax())
     return LatencyFit(float(LATENCIES[best]), float(alphas[best]))
 
@@ -127,7 +130,7 @@ def describe(summary: Mapping[str, Any]) -> list[str]:
                 f" alpha {fitted['alpha']:.2f}"
             )
         else:
-            lines.append(f"{name} did not move")
+            lines.append(f"{name} did not move as commanded")
         if identified := robot["identified"]:
             latencies, alphas = (
                 " ".join(f"{value:.2f}" for value in identified[quantity])

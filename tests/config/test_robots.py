@@ -344,3 +344,20 @@ def test_toml_may_have_a_byte_order_mark(
         error = capsys.readouterr().err
         assert "UTF-16; save it as UTF-8" in error
         assert error.count("\n") == 1
+
+
+@pytest.mark.parametrize("ratio", [0.3, 1 / 3.6, 0.999])
+def test_a_gear_written_the_other_way_round_is_named(ratio: float) -> None:
+    """With its inverse, which is allowed."""
+    message = find_error(motor={"gear_ratio": ratio})
+    assert f"not {ratio!r}; did you mean {1 / ratio:.3g}?" in message
+    assert not find_error(motor={"gear_ratio": float(f"{1 / ratio:.3g}")})
+
+
+def test_long_lists_of_wrong_values_stop_at_the_first_few() -> None:
+    """Of each setting, but all settings are named."""
+    message = find_error(reference={"waypoints": [["x", 0]] * 5000}, radio={"delay_frames": -1})
+    lines = message.splitlines()
+    assert len(lines) < 20
+    assert any(line.startswith("and 49") for line in lines)
+    assert "radio.delay_frames" in message

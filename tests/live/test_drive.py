@@ -17,6 +17,7 @@ from benches.drive import (
 )
 from serve_client import LOOPBACK, udp
 
+from omni_mj.live.latency_fit import fit_latency
 from omni_mj.live.sockets import Address, MessageCounter
 from omni_mj.live.team_radio import SenderConfig, SimulatorRadio
 
@@ -46,6 +47,17 @@ def test_the_wire_adds_its_delay_and_nothing_else(controller: str, delay: int) -
         ours, theirs = live.log.channel(channel)[:, 0], expected.log.channel(channel)[:, 0]
         allowed = {"ref": 0.0, "pose": [1e-5, 1e-5, 2e-3], "command": [1e-4, 1e-4, 1e-2]}[channel]
         assert (np.abs(ours - theirs) <= allowed).all(), channel
+
+
+def test_a_fitted_alpha_is_positive() -> None:
+    """A robot with reversed signs follows a sine half a period later, and a ramp not at all."""
+    for commands in (np.sin(2 * np.pi * np.arange(200) / 20)[:, None], np.ones((200, 1))):
+        late = np.concatenate([np.zeros((4, 1)), 0.8 * np.cumsum(commands, axis=0)[:-4] / 60])
+        fit = fit_latency(commands, late, is_angle=False)
+        assert fit == pytest.approx((4.0, 0.8), abs=1.1)
+        reversed_fit = fit_latency(commands, -late, is_angle=False)
+        assert reversed_fit is None or reversed_fit.alpha > 0
+    assert reversed_fit is None
 
 
 @pytest.mark.parametrize("delay", [1.0, 3.5])

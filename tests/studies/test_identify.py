@@ -213,6 +213,24 @@ def test_false_detections_all_over_a_log_give_one_line(tmp_path: Path) -> None:
     assert str(error.value).count("\n") == 0
 
 
+@pytest.mark.parametrize(
+    ("noise_m", "step_m"), [(1.0, 0.01), (1.0, 0.05), (0.0, 1e-6), (0.0, 1e-3), (0.0, 0.01)]
+)
+def test_coarse_poses_give_true_numbers(noise_m: float, step_m: float, tmp_path: Path) -> None:
+    """Positions and headings with noise or without, rounded: within four standard errors."""
+    log = make_log(commands=False)
+    if not noise_m:
+        log |= {name: make_log(noise=False)[name] for name in POSE}
+    log |= {name: np.round(log[name] / step_m) * step_m for name in POSE}
+    result = identify_log(log, tmp_path)
+    result.save(tmp_path)
+    for name, truth in (("creep_stiffness", CREEP_STIFFNESS), ("arm_m", SETTINGS.wheels.arm_m)):
+        estimate = result.estimates[f"wheels.{name}"]
+        assert estimate.is_identified
+        assert abs(estimate.value - truth) < 4 * estimate.standard_error, name
+    assert not any("times the noise" in (e.why_not or "") for e in result.estimates.values())
+
+
 def swapped(log: Columns, name: str, other_name: str) -> Columns:
     return log | {name: log[other_name], other_name: log[name]}
 

@@ -19,7 +19,7 @@ Columns = dict[str, np.ndarray]
 
 @cache
 def _simulate(
-    seconds: float, rate: int, speed: float, acceleration: float, changes: str
+    seconds: float, rate: int, speed: float, acceleration: float, noise: bool, changes: str
 ) -> Columns:
     """Return the columns of a log; commands change with each line."""
     frames, hold = round(60 * seconds), 60 // rate
@@ -47,7 +47,8 @@ def _simulate(
         sim.step(twist[None])
     lines = slice(0, frames, hold)
     pose, angles = (sim.log.channel(name)[lines, 0] for name in ("pose", "wheel_angle"))
-    pose = pose + rng.normal(size=pose.shape) * [0.0013, 0.0013, 0.003]
+    if noise:
+        pose = pose + rng.normal(size=pose.shape) * [0.0013, 0.0013, 0.003]
     names = ("time_s", *POSE, *COMMAND, *WHEELS)
     return dict(
         zip(
@@ -66,6 +67,7 @@ def make_log(
     *,
     wheels: bool = True,
     commands: bool = True,
+    noise: bool = True,
     **sections: Any,
 ) -> Columns:
     """Return the columns of a log.
@@ -77,10 +79,11 @@ def make_log(
         acceleration: Largest acceleration, m/s^2.
         wheels: Whether the log has wheel angles.
         commands: Whether the log has commands.
+        noise: Whether poses have noise.
         sections: Settings of the robot.
     """
     omitted = (() if commands else COMMAND) + (() if wheels else WHEELS)
-    columns = _simulate(seconds, rate, speed, acceleration, json.dumps(sections))
+    columns = _simulate(seconds, rate, speed, acceleration, noise, json.dumps(sections))
     return {name: values.copy() for name, values in columns.items() if name not in omitted}
 
 

@@ -41,8 +41,8 @@ def find_measured_lines(values: Array, steps: Array) -> np.ndarray:
     jumps = np.abs(np.diff(present[starts], axis=0))
     motion_per_line = jumps[1:] / lengths[1:-1, None]
     is_held = np.zeros(len(starts), bool)  # values at rest, and the last ones, are measured
-    is_held[:-2] = (jumps[:-1] > MAX_JUMP_RATIO * (motion_per_line + steps)).any(1)
-    is_moving = (jumps > MAX_JUMP_RATIO * steps).any(1)
+    is_held[:-2] = (jumps[:-1] > MAX_JUMP_RATIO * (motion_per_line + 2 * steps)).any(1)
+    is_moving = (jumps > 4 * steps).any(1)  # far more than rounding
     repetitions = np.median(lengths[:-1][is_moving]) if is_moving.any() else 1
     if repetitions > 1:  # the logger is faster than the sensor
         is_held |= lengths <= 2 * repetitions
