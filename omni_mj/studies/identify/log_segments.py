@@ -120,7 +120,8 @@ def cut_segments(logs: Sequence[RobotLog], source: str) -> LogSegments:
             usable = piece[time[piece] >= time[piece[0]] + SKIPPED_S]
             for i in range(0, len(usable) - m + 1, m):
                 samples = usable[i : i + m]
-                segments.append((time[samples], log.pose[samples], log.in_body))
+                if np.ptp(log.pose[samples], axis=0).any():  # a rest without noise tells nothing
+                    segments.append((time[samples], log.pose[samples], log.in_body))
     if len(segments) < MIN_SEGMENTS:
         raise OmniError(
             f"{len(segments)} segments of {SEGMENT_S:g} s without a gap are too few to identify "

@@ -11,6 +11,7 @@ from omni_control.kinematics import Array
 # Largest jump after a repeated value over the motion per line that follows, if the value was
 # measured again. It is 1 at a constant speed, and the number of repetitions if it was not.
 MAX_JUMP_RATIO = 1.5
+MIN_MOTION_STEPS = 4
 ROUNDING = 1e-9  # smaller relative differences of values are errors of rounding
 
 
@@ -40,12 +41,14 @@ def find_measured_lines(values: Array, steps: Array) -> np.ndarray:
     lengths = np.diff(starts, append=len(lines))
     jumps = np.abs(np.diff(present[starts], axis=0))
     motion_per_line = jumps[1:] / lengths[1:-1, None]
-    is_held = np.zeros(len(starts), bool)  # values at rest, and the last ones, are measured
+    is_held = np.zeros(len(starts), bool)
     is_held[:-2] = (jumps[:-1] > MAX_JUMP_RATIO * (motion_per_line + 2 * steps)).any(1)
-    is_moving = (jumps > 4 * steps).any(1)  # far more than rounding
+    # Exact repetitions shorter than a rest, before far more motion than a step, are no chance.
+    is_moving = (jumps > MIN_MOTION_STEPS * steps).any(1)
     repetitions = np.median(lengths[:-1][is_moving]) if is_moving.any() else 1
-    if repetitions > 1:  # the logger is faster than the sensor
-        is_held |= lengths <= 2 * repetitions
+    is_short = lengths <= 2 * repetitions
+    is_held[:-1] |= is_moving & is_short[:-1]
+    is_held[-1:] = is_short[-1:] & (repetitions > 1)
     is_measured = np.zeros(len(values), bool)
     is_measured[lines] = is_change | ~np.repeat(is_held, lengths)
     return is_measured

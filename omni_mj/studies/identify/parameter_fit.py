@@ -188,7 +188,11 @@ class ProjectedProblem:
         self.start_values = np.array([start[name] for name in free])
         ranges = np.array([RANGES[name] for name in free]).T
         self.scale, self.steps, self.low, self.high = ranges[:4]
-        noise = np.median(np.abs(_white_differences(segments.pose)), axis=(0, 1))
+        white = np.abs(_white_differences(segments.pose)).reshape(-1, 3)
+        # Values that rest have no noise.
+        noise = np.array(
+            [np.median(column[column > 0]) if column.any() else 0 for column in white.T]
+        )
         noise = np.maximum(noise, segments.noise_floor)
         self.weights = np.array([1.0, 1.0, max(noise[:2].mean(), 1e-6) / max(noise[2], 1e-6)])
         self.initial_states = segments.estimate_initial_states()

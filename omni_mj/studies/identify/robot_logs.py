@@ -79,6 +79,7 @@ MAX_NAME_LENGTH = 100  # of a column that is read
 BLOCK_BYTES = 1 << 20  # of a CSV file, which Arrow reads at once; a line must be shorter
 MIN_LINES, MAX_LINES = 30, 5_000_000
 MAX_STEPS = {"positions": (0.1, "m"), "headings": (0.2, "rad")}  # of measured poses
+FINE_STEP_M = 1e-4  # of positions in finer steps, an exact repetition is never a measurement
 MAX_WRAPPED_RAD = 2 * np.pi + 0.01  # range of wheel angles within one turn, rounded
 MAX_UNWRAPPED_RAD = 2.5  # change from line to line; from pi on, the direction is ambiguous
 MAX_GAP_PERIODS = 3.5  # a longer gap splits a log
@@ -241,7 +242,10 @@ def _clean(log: RobotLog, is_angle: bool) -> RobotLog:
     _check_steps(log.name, steps)
     has_heading = np.isfinite(pose[:, 2])
     pose[has_heading, 2] = np.unwrap(pose[has_heading, 2])
-    pose[~find_measured_lines(pose, steps)] = np.nan
+    is_measured = find_measured_lines(pose, steps)
+    if steps[:2].max() < FINE_STEP_M:
+        is_measured[1:] &= (np.diff(pose, axis=0) != 0).any(1)
+    pose[~is_measured] = np.nan
     inputs = {source: values[is_new] for source, values in log.inputs.items()}
     for source, values in inputs.items():
         _require_finite(f"{log.name}: {source} are", values)
