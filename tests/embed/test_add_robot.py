@@ -396,7 +396,10 @@ def test_drives_of_one_model_share_its_data_and_each_robot_has_one() -> None:
     scene, robots = make_two_robots()
     model = scene.compile()
     data = mujoco.MjData(model)
-    drives = [robot.bind(model, data) for robot in robots]
+    drives = [robots[0].bind(model, data)]
+    with pytest.raises(om.OmniError, match="already has a drive of 'a_chassis'"):
+        robots[1].bind(model, mujoco.MjData(model))
+    drives.append(robots[1].bind(model, data))
     expected = drive_all(drives)
     message = "already has a drive of '[ab]_chassis'.*copy.deepcopy"
     for other_data in (data, mujoco.MjData(model)):

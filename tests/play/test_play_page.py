@@ -312,7 +312,7 @@ def test_there_is_no_other_port_and_idle_connections_end(served: tuple[int, int]
     rows = [line.split() for line in Path("/proc/net/tcp").read_text().splitlines()[1:]]
     listening = [row[1] for row in rows if row[3] == "0A" and f"socket:[{row[9]}]" in inodes]
     assert listening == [f"0100007F:{port:04X}"]
-    idle, slow = (socket.create_connection(("127.0.0.1", port), timeout=20) for _ in range(2))
+    idle, slow = (socket.create_connection(("127.0.0.1", port), timeout=9) for _ in range(2))
     with idle, slow:
         for byte in b"GET / HTTP":
             slow.sendall(bytes([byte]))
