@@ -227,6 +227,17 @@ def test_a_signal_ends_a_file_that_hangs_whatever_it_catches(tmp_path: Path) -> 
         assert "of mine.py hangs and could not be stopped" in process.stderr.read()
 
 
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
+def test_a_signal_during_the_start_ends_it_in_one_line(number: int, tmp_path: Path) -> None:
+    mine = tmp_path / "mine.py"
+    mine.write_text("import time\nprint('importing', flush=True)\ntime.sleep(99)\n")
+    with play("--controller", f"{mine}:Mine") as (_, process):
+        process.send_signal(number)
+        assert process.wait(TIMEOUT_S) == 128 + number
+        assert process.stderr
+        assert re.fullmatch("error: .*; the session has ended\n", process.stderr.read())
+
+
 def test_a_signal_frees_the_port(tmp_path: Path) -> None:
     """Also if a thread of a controller runs on. The first line says why links do not work."""
     mine = tmp_path / "mine.py"
