@@ -16,7 +16,9 @@ import pyarrow.parquet as pq
 import pytest
 from benches.drive import run_peer
 from commands import invoke
-from serve_client import free_port
+from serve_client import Client, free_port, served
+
+import omni_mj as om
 
 PATIENCE_S = 120.0  # with processes, on a computer that does much else
 OUT = "--scenario", "rect", "--out", "drive", "--no-figures"
@@ -93,6 +95,25 @@ def test_ctrl_c_saves_what_there_is(tmp_path: Path) -> None:
     error = np.abs(seen["x_m"] - seen["ref_x_m"])
     assert errors["mean"]["mean"] == pytest.approx(error.mean(), rel=1e-9)
     assert errors["max"]["mean"] == pytest.approx(error.max(), rel=1e-9)
+
+
+def test_a_drive_of_served_robots_is_identified(tmp_path: Path) -> None:
+    """The drive knows nothing of the wheels. Estimates are within four standard errors."""
+    client = Client()
+    client.close()  # the drive listens at its port of vision
+    route = "reference.waypoints=[[0, 0], [0.8, 0], [0.8, 0.8]]"
+    options = *OUT, "--clock", "vision", "--controller", "comp-flc", "--no-record", "--set", route
+    with served("--lockstep", "--plant", "planar", client=client):
+        process = drive(tmp_path, (client.vision_port, client.ports[1]), *options)
+        _, err = process.communicate(timeout=PATIENCE_S)
+    assert process.returncode == 0, err
+    log = tmp_path / "drive" / "trajectory.parquet"
+    assert pl.read_parquet(log)["wheel_angle_1_rad"].is_nan().all()
+    result = om.identify(log)
+    for name, truth in (("creep_stiffness", 4.35), ("dead_time_s", 0.0)):
+        estimate = result.estimates[f"commands.{name}"]
+        assert estimate.is_identified
+        assert abs(estimate.value - truth) < 4 * estimate.standard_error, name
 
 
 def test_listening_only(tmp_path: Path) -> None:

@@ -103,11 +103,8 @@ class Client:
 
     def __init__(self) -> None:
         self.vision, self.commands = udp(), udp()
+        self.vision_port = int(self.vision.getsockname()[1])
         self.ports: Sequence[int] = (0, 0, 0)
-
-    @property
-    def vision_port(self) -> int:
-        return int(self.vision.getsockname()[1])
 
     def ask(self, port: int, packet: bytes) -> bytes:
         """Send to the simulator (0), blue (1) or yellow (2), and return the answer."""
