@@ -146,19 +146,7 @@ def _error_statistics(error: Array) -> Sequence[float]:
     """Return maximum, percentile, mean and RMS of errors, shape (n,); NaN if there are none."""
     if not error.size:
         return [np.nan] * len(STATISTICS)
-    return error.max(), _percentile(error), error.mean(), np.sqrt((error**2).mean())
-
-
-def _percentile(values: Array) -> float:
-    """Return `np.percentile(values, PERCENTILE)`, whose checks would take half of all metrics."""
-    position = (len(values) - 1) * (PERCENTILE / 100)
-    i = int(position)
-    neighbors = [i, min(i + 1, len(values) - 1)]
-    low, high = np.partition(values, neighbors)[neighbors]
-    fraction = position - i
-    if fraction < 0.5:
-        return low + fraction * (high - low)
-    return high - (1 - fraction) * (high - low)
+    return error.max(), np.percentile(error, PERCENTILE), error.mean(), np.sqrt((error**2).mean())
 
 
 def _mean_square_acceleration(velocity: Array) -> float:

@@ -52,7 +52,7 @@ def save_provenance(
         OmniError: A file of the user no longer exists.
     """
     files: dict[str, bytes] = {}
-    content = _describe_study(study, scenarios, files) | {
+    content = describe_study(study, scenarios, files) | {
         "command": command,
         "started": datetime.now(UTC).isoformat(timespec="seconds"),
         **options,
@@ -138,14 +138,14 @@ def check_unchanged(folder: Path, study: str, scenarios: Sequence[Scenario]) -> 
         OmniError: Another version, source, processor, robot, model, controller or plant, a line
             each; or provenance.json is missing.
     """
-    current = _describe_study(study, scenarios, {})
+    current = describe_study(study, scenarios, {})
     keys = [key for key in current if key != "git"]  # a commit of the same source is no change
     if changes := list_changes(read_json(folder / PROVENANCE_FILE), current, keys):
         remark = f"{folder} cannot be continued, because its results would be mixed with others"
         raise OmniError("\n".join([f"{remark}; name another folder", *changes]))
 
 
-def _describe_study(
+def describe_study(
     study: str, scenarios: Sequence[Scenario], files: dict[str, bytes]
 ) -> dict[str, Any]:
     """Return everything that affects the results of a study; see `describe_scenarios`."""
@@ -221,7 +221,7 @@ def _describe_scenario(scenario: Scenario, files: dict[str, bytes]) -> dict[str,
     (robot_copy,) = _add_copies(files, {robot.name: robot.read_bytes()})
     entry: dict[str, Any] = {
         "plant": {"name": plant} if plant in plugins.PLANTS else _describe_class(plant, files),
-        "robot": {"name": Path(scenario.robot).name} | robot_copy,
+        "robot": {"name": robot.stem} | robot_copy,
         "controllers": [
             _describe_controller(kind, scenario, files) for kind in scenario.controllers
         ],

@@ -6,11 +6,10 @@ recordings and reports are made from these and are not compared.
 
 import json
 import os
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from fnmatch import fnmatchcase
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 import pyarrow as pa
@@ -31,7 +30,7 @@ from omni_mj.results.provenance import (
     PROVENANCE_FORMAT,
     SOURCES_FOLDER,
     describe_environment,
-    describe_scenarios,
+    describe_study,
     find_differences,
     list_changes,
     sha256,
@@ -46,7 +45,7 @@ from omni_mj.studies.run_scenario import (
     no_progress,
     run_simulation,
 )
-from omni_mj.studies.sweep.sweep_plan import MODEL_AXIS, SWEEP_FILE, Shard, SweepPlan, check_axes
+from omni_mj.studies.sweep.sweep_plan import MODEL_AXIS, SWEEP_FILE, SweepPlan, check_axes
 from omni_mj.studies.sweep.sweep_study import (
     ROWS,
     list_row_files,
@@ -61,15 +60,7 @@ Record = Mapping[str, Any]  # object of a JSON file
 SUMMARY_FILE = "summary.json"
 REPEATABLE_STUDIES = ("run", "compare", "sweep")
 # Values that a repetition cannot have: times, and commands, which name folders
-UNREPEATABLE = (
-    f"{PROVENANCE_FILE}: started",
-    f"{PROVENANCE_FILE}: command",
-    f"{SUMMARY_FILE}: created",
-    f"{SUMMARY_FILE}: wall_s",
-    f"{SUMMARY_FILE}: scenarios.*.wall_s",
-    f"{SUMMARY_FILE}: repeat_command",
-    f"{SUMMARY_FILE}: worst.*.repeat_command",
-)
+UNREPEATABLE = ("started", "command", "created", "wall_s", "repeat_command")
 ROW_KEYS = ("frame", "point", "controller", "seed", "slot")  # columns that name a line of a table
 
 
@@ -152,13 +143,6 @@ def verify(
     return result
 
 
-class _LoadedScenario(NamedTuple):
-    """A scenario with copies of the user's files, and the content of its saved file."""
-
-    scenario: Scenario
-    content: Record
-
-
 @dataclass(frozen=True)
 class _SavedRun:
     """Folder of a run, from which scenarios are loaded with the copies of the user's files.
@@ -180,7 +164,7 @@ class _SavedRun:
             reason = changes[0] if changes else f"its SHA-256 is not that in {PROVENANCE_FILE}"
             raise OmniError(f"{self.path / file} is not the file of the run: {reason}")
 
-    def load_scenario(self, name: str, file: str, settings: Record) -> _LoadedScenario:
+    def load_scenario(self, name: str, file: str, settings: Record) -> Scenario:
         """Load a scenario as it was run.
 
         Args:
@@ -204,8 +188,30 @@ class _SavedRun:
         if models := self.find_models(name):
             is_drawn = len(models) > 1
             model_section["model"] = {"file": {"choice": models} if is_drawn else models[0]}
-        scenario = load_with_overrides(str(self.path / file), (), top_level, sections=model_section)
-        return _LoadedScenario(scenario, content)
+        return load_with_overrides(str(self.path / file), (), top_level, sections=model_section)
+
+    def compare_record(
+        self,
+        study: str,
+        scenarios: Sequence[Scenario],
+        input_files: Iterable[str],
+        options: Record,
+    ) -> Iterator[str]:
+        """Return the differences of provenance.json from that of the repetition, a line for all.
+
+        Args:
+            study: Name of the study.
+            scenarios: Its scenarios as they were loaded.
+            input_files: Files that describe it.
+            options: Further keys and values.
+        """
+        repeated = {
+            **describe_study(study, scenarios, {}),
+            **{key: self.record[key] for key in (*ENVIRONMENT_KEYS, "command", "started")},
+            "inputs": {file: self.record["inputs"][file] for file in input_files},
+            **options,
+        }
+        return _compare_file(self.path / PROVENANCE_FILE, repeated)
 
     def find_models(self, name: str) -> list[str]:
         """Return the copies of a scenario's models, after a check of the files that they name."""
@@ -247,14 +253,13 @@ def _repeat_runs(saved_run: _SavedRun, start_progress: StartProgress) -> VerifyR
     saved_summary = summary.read_summary(path)
     several = len(record["scenarios"]) > 1
     outcomes: list[Outcome] = []
-    robots: list[str] = []
     for name in record["scenarios"]:
         entry, files = saved_summary["scenarios"][name], name_files(name, several)
-        loaded = saved_run.load_scenario(name, files.scenario, entry["settings"])
-        robots.append(loaded.content["robot"])
-        outcome = _run_as_saved(loaded.scenario, entry, start_progress)
-        outcome.entry.update({key: loaded.content[key] for key in ("plant", "robot")})
-        _restore_model(outcome.entry["settings"], loaded.content)
+        scenario = saved_run.load_scenario(name, files.scenario, entry["settings"])
+        outcome = _run_as_saved(scenario, entry, start_progress)
+        saved_scenario = toml_files.read_toml(path / files.scenario)
+        outcome.entry.update({key: saved_scenario[key] for key in ("plant", "robot")})
+        outcome.entry["settings"]["model"]["file"] = saved_scenario["model"]["file"]
         result.rows += len(outcome.rows)
         has_frames = record["frames_saved"] or (path / files.frames).exists()
         if has_frames and outcome.log and outcome.log.lengths.any():
@@ -267,54 +272,49 @@ def _repeat_runs(saved_run: _SavedRun, start_progress: StartProgress) -> VerifyR
     is_incomplete = any(outcome.entry["status"] == "not run" for outcome in outcomes)
     if is_incomplete:
         result.remarks.append("some scenarios were not run: there is nothing to compare with")
-    scenario = outcomes[0].scenario
-    repeated = Result(
+    first_scenario = outcomes[0].scenario
+    repeated_summary = Result(
         outcomes,
-        scenario.labels,
-        list_privileged(scenario),
-        scenario.seed_list,
+        first_scenario.labels,
+        list_privileged(first_scenario),
+        first_scenario.seed_list,
         record["subject"],
         stopped=saved_summary["stopped"] if is_incomplete else None,
         complete=all(outcome.was_run for outcome in outcomes),
-    )
-    repeated_summary = repeated.summary()
+    ).summary()
     if saved_summary["versions"] == record["versions"]:  # other ones are a remark
         repeated_summary["versions"] = record["versions"]
     result.differences += _compare_file(path / SUMMARY_FILE, repeated_summary)
+    study = "compare" if several or (path / "compare.md").exists() else "run"
     scenarios = [outcome.scenario for outcome in outcomes]
     input_files = [name_files(name, several).scenario for name in record["scenarios"]]
-    repeated_record = _repeat_record(saved_run, scenarios, robots, input_files) | {
-        "study": "compare" if several or (path / "compare.md").exists() else "run",
-        "frames_saved": bool(result.frames) or record["frames_saved"],
-        "subject": saved_summary["subject"],
-    }
-    result.differences += _compare_file(path / PROVENANCE_FILE, repeated_record)
+    frames_saved = bool(result.frames) or record["frames_saved"]
+    options = {"frames_saved": frames_saved, "subject": saved_summary["subject"]}
+    result.differences += saved_run.compare_record(study, scenarios, input_files, options)
     return result
 
 
 def _repeat_sweep(saved_run: _SavedRun, start_progress: StartProgress) -> VerifyResult:
     """Repeat and compare the stored rows of a sweep."""
-    path, record = saved_run.path, saved_run.record
+    path = saved_run.path
     saved_run.check_input(SWEEP_FILE)
     saved_plan, saved_summary = read_json(path / SWEEP_FILE), read_json(path / SUMMARY_FILE)
-    name, *variants = record["scenarios"]
-    loaded = saved_run.load_scenario(name, "scenario.toml", saved_summary["settings"])
+    name, *variants = saved_run.record["scenarios"]
+    scenario = saved_run.load_scenario(name, "scenario.toml", saved_summary["settings"])
     axes = dict(saved_plan["axes"])
     models = [file for variant in variants for file in saved_run.find_models(variant)]
     if models:
         axes[MODEL_AXIS] = models
-    plan = SweepPlan(loaded.scenario, check_axes(axes.items()), saved_plan["batch_size"])
+    plan = SweepPlan(scenario, check_axes(axes.items()), saved_plan["batch_size"])
     shards = stored_shards(plan, path)
     if not shards:
         raise OmniError(f"nothing was recorded in {path}: there is nothing to compare with")
-    shard_rows: dict[Shard, pa.Table] = {}
-    for shard, rows in run_shards(plan, shards, start_progress("sweep", plan.frames * len(shards))):
-        if models:
-            index = rows.column_names.index(MODEL_AXIS)
-            names = dict(zip(models, saved_plan["axes"][MODEL_AXIS], strict=True))
-            restored = [names[file] for file in rows[MODEL_AXIS].to_pylist()]
-            rows = rows.set_column(index, MODEL_AXIS, pa.array(restored))
-        shard_rows[shard] = rows
+    shard_rows = dict(run_shards(plan, shards, start_progress("sweep", plan.frames * len(shards))))
+    if models:
+        saved_models = dict(zip(models, saved_plan["axes"][MODEL_AXIS], strict=True))
+        shard_rows = {
+            shard: _rename_models(rows, saved_models) for shard, rows in shard_rows.items()
+        }
     all_rows = merge_rows(plan, list(shard_rows.values()))
     result = VerifyResult(all_rows.num_rows, is_sweep=True)
     for file, shards_in_file in list_row_files(plan, path).items():
@@ -322,17 +322,21 @@ def _repeat_sweep(saved_run: _SavedRun, start_progress: StartProgress) -> Verify
             rows = all_rows if file.name == ROWS else shard_rows[shards_in_file[0]]
             result.differences += _compare_file(file, rows)
     repeated_summary = summarize_sweep(plan, all_rows, len(shards), path)
-    _restore_model(repeated_summary["settings"], loaded.content)
+    saved_scenario = toml_files.read_toml(path / "scenario.toml")
+    repeated_summary["settings"]["model"]["file"] = saved_scenario["model"]["file"]
     result.differences += _compare_file(path / SUMMARY_FILE, repeated_summary)
-    scenarios = plan.recorded_scenarios
-    robots = [loaded.content["robot"]] * len(scenarios)
-    repeated_record = _repeat_record(saved_run, scenarios, robots, [*plan.files]) | {
-        "study": "sweep",
-        "frames_saved": False,
-        "subject": None,
-    }
-    result.differences += _compare_file(path / PROVENANCE_FILE, repeated_record)
+    options = {"frames_saved": False, "subject": None}
+    result.differences += saved_run.compare_record(
+        "sweep", plan.recorded_scenarios, plan.files, options
+    )
     return result
+
+
+def _rename_models(rows: pa.Table, names: Mapping[str, str]) -> pa.Table:
+    """Return rows of a sweep over models with other names of these."""
+    index = rows.column_names.index(MODEL_AXIS)
+    renamed = [names[file] for file in rows[MODEL_AXIS].to_pylist()]
+    return rows.set_column(index, MODEL_AXIS, pa.array(renamed))
 
 
 def _check_record(path: Path, record: Record) -> None:
@@ -371,35 +375,6 @@ def _run_as_saved(scenario: Scenario, entry: Record, start_progress: StartProgre
     return run_simulation(simulation, after_frame)
 
 
-def _restore_model(settings: dict[str, Any], content: Record) -> None:
-    """Put the name of the user's model in place of that of its copy."""
-    settings["model"]["file"] = content["model"]["file"]
-
-
-def _repeat_record(
-    saved_run: _SavedRun,
-    scenarios: Sequence[Scenario],
-    robots: Sequence[str],
-    input_files: Sequence[str],
-) -> dict[str, Any]:
-    """Return what provenance.json must hold about a study, with the environment that it holds.
-
-    Args:
-        saved_run: The folder.
-        scenarios: Scenarios as they were loaded.
-        robots: Name of each scenario's robot in its saved file.
-        input_files: Files that describe the study.
-    """
-    record, descriptions = saved_run.record, describe_scenarios(scenarios, {})
-    for scenario, robot in zip(scenarios, robots, strict=True):
-        descriptions[scenario.name]["robot"]["name"] = Path(robot).name
-    return {key: record[key] for key in (*ENVIRONMENT_KEYS, "command", "started")} | {
-        "format": PROVENANCE_FORMAT,
-        "scenarios": descriptions,
-        "inputs": {file: record["inputs"][file] for file in input_files},
-    }
-
-
 def _compare_file(path: Path, repeated: Any) -> Iterator[str]:
     """Yield the differences of a file from the content that its repetition has, a line each.
 
@@ -409,24 +384,23 @@ def _compare_file(path: Path, repeated: Any) -> Iterator[str]:
     """
     if isinstance(repeated, pa.Table):
         lines = _compare_tables(parquet.read_table(path), repeated)
-        yield from (f"{path.name}: {line}" for line in lines)
     else:
-        yield from _compare_json(path.name, read_json(path), repeated)
+        lines = _compare_json(read_json(path), repeated)
+    yield from (f"{path.name}: {line}" for line in lines)
 
 
-def _compare_json(file: str, saved: Record, repeated: Record) -> Iterator[str]:
+def _compare_json(saved: Record, repeated: Record) -> Iterator[str]:
     """Yield the differences of two JSON objects, a line for all."""
     differences = {
         name: values
         for name, values in find_differences(saved, repeated).items()
-        if ABSENT in values
-        or not any(fnmatchcase(f"{file}: {name}", pattern) for pattern in UNREPEATABLE)
+        if ABSENT in values or name.rpartition(".")[2] not in UNREPEATABLE
     }
     if differences:
         name, values = next(iter(differences.items()))
         saved_value, repeated_value = map(json.dumps, values)
         yield (
-            f"{file}: {name} is {saved_value} in the run, {repeated_value} here; "
+            f"{name} is {saved_value} in the run, {repeated_value} here; "
             f"{format_count(len(differences), 'different number')}"
         )
 
@@ -438,12 +412,12 @@ def _compare_tables(saved: pa.Table, repeated: pa.Table) -> Iterator[str]:
             f"the run has {format_count(saved.num_rows, 'line')}, its repetition "
             f"{repeated.num_rows}"
         )
-    for name in saved.column_names:
-        if name not in repeated.column_names:
-            yield f"the repetition has no column {name}"
     n_lines = min(saved.num_rows, repeated.num_rows)
     first_difference: dict[str, int] = {}  # column -> line of the table
-    for name in repeated.column_names:
+    for name in dict.fromkeys(saved.column_names + repeated.column_names):
+        if name not in repeated.column_names:
+            yield f"the repetition has no column {name}"
+            continue
         if name not in saved.column_names:
             yield f"the run has no column {name}"
             continue

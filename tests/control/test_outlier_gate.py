@@ -169,6 +169,14 @@ def report(gate: OutlierGate, direction: int, turn: float, shift: float = 0.0) -
     return believed[30:]
 
 
+def test_a_reversed_heading_is_noticed_next_to_a_robot_without_measurements() -> None:
+    gate = make_gate(2)
+    for k in range(200):
+        measured = np.array([[k * T, 0.0, np.pi * (k >= 30)], [np.nan] * 3])
+        gate.reject_outliers(measured, np.zeros(2), np.array([[T, 0.0, 0.0]] * 2))
+    assert gate.is_reversed.tolist() == [True, False]
+
+
 def test_a_reversed_heading_is_believed_if_motion_contradicts_its_correction() -> None:
     """A carried robot is believed after ten images, a reversed pattern never."""
     gate = make_gate(1)

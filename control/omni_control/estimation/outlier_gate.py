@@ -80,7 +80,7 @@ class OutlierGate:
 
     def __init__(self, noise: Array, limits: Sequence[MotionLimits], period: float) -> None:
         n = len(noise)
-        self._period, self._zeros = period, np.zeros(n)
+        self._period = period
         self.change_margins(noise, limits)
         self._last_measured, self._last_accepted = np.full((2, n, 3), np.nan)
         # Of the last accepted measurement: its age on arrival, s; the time since its arrival, s;
@@ -115,44 +115,12 @@ class OutlierGate:
         change = measured_pose - self._last_accepted
         distance = np.hypot(change[:, 0], change[:, 1])
         max_distance = self._max_speed * interval + self._noise_margin
-        plausible = (distance > 0) & (distance <= max_distance) & (np.abs(change[:, 2]) < np.pi / 2)
-        if np.count_nonzero(plausible) < len(plausible):  # faster than .all() on small arrays
-            commanded = np.hypot(displacement[:, 0], displacement[:, 1])
-            commanded += ARM_M * np.abs(displacement[:, 2])
-            is_moved = commanded > MOVING_SPEED_M_S * self._period
-            self._commanded_distance = self._commanded_distance + is_moved * commanded
-            along = (change * displacement)[:, :2].sum(1) / np.maximum(commanded, 1e-9)
-            return self._apply_all_checks(
-                measured_pose, age, interval, change, max_distance, is_moved * along
-            )
-        # The usual case ends here, because all checks take as long as an update of the filter.
-        self._last_measured = self._last_accepted = measured_pose
-        self._accepted_age, self._elapsed = age, self._zeros
-        self._apparent_speed = distance / interval
-        self._far_count = self._reversed_count = self._repeat_count = self._zeros
-        self._commanded_distance = self._driven_distance = self._zeros
-        return measured_pose
-
-    def _apply_all_checks(
-        self,
-        measured_pose: Array,
-        age: Array,
-        interval: Array,
-        change: Array,
-        max_distance: Array,
-        along: Array,
-    ) -> Array:
-        """Return the accepted poses (n, 3) after all checks of the module's docstring.
-
-        Args:
-            measured_pose: Measured poses (n, 3), NaN without a measurement.
-            age: Age of the measurements, (n,) s.
-            interval: Time since the capture of the last accepted measurement, (n,) s.
-            change: Difference from the last accepted poses, (n, 3).
-            max_distance: Highest distance that a robot can have moved, plus noise, (n,) m.
-            along: Part of the change along the commanded displacement, (n,) m.
-        """
-        distance = np.hypot(change[:, 0], change[:, 1])
+        commanded = np.hypot(displacement[:, 0], displacement[:, 1])
+        commanded += ARM_M * np.abs(displacement[:, 2])
+        is_moved = commanded > MOVING_SPEED_M_S * self._period
+        self._commanded_distance = self._commanded_distance + is_moved * commanded
+        # Part of the change along the commanded displacement, m
+        along = is_moved * (change * displacement)[:, :2].sum(1) / np.maximum(commanded, 1e-9)
         is_repeated = (measured_pose == self._last_measured).all(1)
         is_visible = ~np.isnan(measured_pose[:, 0])
         is_far = is_visible & (distance > max_distance)
@@ -170,7 +138,8 @@ class OutlierGate:
         cannot_turn = self._max_turn_rate * interval < np.pi / 2
         is_reversed = is_accepted & ~is_far & (turn > np.pi / 2) & cannot_turn
         self._reversed_count = _count_in_a_row(self._reversed_count, is_reversed, is_accepted)
-        driven = (self._driven_distance + along) * is_reversed
+        # Not a product: the first change is NaN.
+        driven = np.where(is_reversed, self._driven_distance + along, 0.0)
         self._driven_distance = np.where(is_accepted, driven, self._driven_distance)
         is_turned = self._driven_distance < -TURNED_DISTANCE_M
         is_jump = distance > COLLISION_SPEED_RATIO * self._apparent_speed * interval
