@@ -178,18 +178,6 @@ def find_chassis_names(model: mujoco.MjModel) -> list[str]:
     return [model.body(chassis).name for chassis in wheels]
 
 
-def find_slip_hinges(model: mujoco.MjModel, wheel: int, rim: int) -> list[int]:
-    """Return the hinge on which a rim slips, in a list, or an empty list.
-
-    Args:
-        model: Compiled model.
-        wheel: Hinge of the wheel.
-        rim: Body of the rim: the wheel's own or one on it.
-    """
-    start, count = model.body_jntadr[rim], model.body_jntnum[rim]
-    return [joint for joint in range(start, start + count) if joint != wheel]
-
-
 class _Wheel(NamedTuple):
     """A wheel, of which parts may be missing.
 

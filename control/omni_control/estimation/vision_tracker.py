@@ -113,17 +113,15 @@ class KalmanFilter:
             decay * cross_covariance,
             decay**2 * self._drift_variance + self._noise_scale * self._drift_noise,
         ]
-        if np.count_nonzero(is_frozen):  # faster than .any() on small arrays
-            previous = (
-                self.pose,
-                self.drift,
-                self._pose_variance,
-                self._cross_covariance,
-                self._drift_variance,
-            )
-            state = [np.where(is_frozen, *values) for values in zip(previous, state, strict=True)]
+        previous = (
+            self.pose,
+            self.drift,
+            self._pose_variance,
+            self._cross_covariance,
+            self._drift_variance,
+        )
         self.pose, self.drift, self._pose_variance, self._cross_covariance, self._drift_variance = (
-            state
+            np.where(is_frozen, *values) for values in zip(previous, state, strict=True)
         )
         return process_noise
 
@@ -143,28 +141,23 @@ class KalmanFilter:
             process_noise: Variance of the displacement noise in the last step, (n, 3), also of
                 frozen robots.
         """
-        expected, expected_variance = self.pose, self._pose_variance + self._measurement_variance
         # Covariances of pose and drift with the expected measurement x + offset b.
-        pose_covariance, drift_covariance = self._pose_variance, self._cross_covariance
-        if np.count_nonzero(offset):
-            expected = self.pose + capture_displacement + offset * self.drift
-            pose_covariance = self._pose_variance + offset * self._cross_covariance
-            drift_covariance = self._cross_covariance + offset * self._drift_variance
-            expected_variance = (
-                pose_covariance
-                + offset * drift_covariance
-                + self._measurement_variance
-                + np.maximum(offset / self._period, 0.0) * process_noise
-            )
+        pose_covariance = self._pose_variance + offset * self._cross_covariance
+        drift_covariance = self._cross_covariance + offset * self._drift_variance
+        expected_variance = (
+            pose_covariance
+            + offset * drift_covariance
+            + self._measurement_variance
+            + np.maximum(offset / self._period, 0.0) * process_noise
+        )
+        expected = self.pose + capture_displacement + offset * self.drift
         innovation = compute_pose_error(measured_pose, expected)
         self._innovation, self._innovation_variance = innovation, expected_variance
-        nis = innovation**2 / expected_variance
-        pose_gain = pose_covariance / expected_variance
-        drift_gain = drift_covariance / expected_variance
         is_missing = np.isnan(innovation)
-        if np.count_nonzero(is_missing):
-            innovation, nis = np.where(is_missing, 0.0, innovation), np.where(is_missing, 1.0, nis)
-            pose_gain[is_missing], drift_gain[is_missing] = 0.0, 0.0
+        nis = np.where(is_missing, 1.0, innovation**2 / expected_variance)
+        innovation = np.where(is_missing, 0.0, innovation)
+        pose_gain = np.where(is_missing, 0.0, pose_covariance / expected_variance)
+        drift_gain = np.where(is_missing, 0.0, drift_covariance / expected_variance)
         self.pose = self.pose + pose_gain * innovation
         self.drift = self.drift + drift_gain * innovation
         self._pose_variance = self._pose_variance - pose_gain * pose_covariance
