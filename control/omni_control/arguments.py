@@ -120,10 +120,9 @@ def _check_call(function: Callable[..., Any], args: Any, kwargs: Any) -> None:
             inspect.Parameter.VAR_KEYWORD,
         )
         if name in hints and not is_variadic and not fits_annotation(value, hints[name]):
-            expected = getattr(hints[name], "__name__", "") if not get_args(hints[name]) else ""
-            if "numpy._typing" in str(hints[name]) or "numpy.ndarray" in str(hints[name]):
-                expected = "an array of numbers"
-            expected = expected or re.sub(r"[\w.]+\.", "", str(hints[name]))
+            annotation = inspect.formatannotation(hints[name])
+            is_array = "numpy._typing" in annotation or "numpy.ndarray" in annotation
+            expected = "an array of numbers" if is_array else re.sub(r"[\w.]+\.", "", annotation)
             raise OmniError(f"{name} must be {expected}, got {format_value(value)}")
 
 

@@ -164,8 +164,6 @@ class Observation:
         zero. If k_d is not an integer, it is rounded up, and the oldest command is multiplied by
         the fraction of a frame for which it still acts.
         """
-        if isinstance(self.delay_frames, int):
-            return self.sent_commands.get_latest(self.delay_frames)
         delay_frames = np.reshape(self.delay_frames, (-1, 1))
         max_delay = math.ceil(delay_frames.max())
         pending = self.sent_commands.get_pending_fractions(delay_frames, max_delay)

@@ -9,7 +9,7 @@ import os
 import pickle
 import sys
 import traceback
-from collections.abc import Collection, Iterable
+from collections.abc import Iterable
 
 from omni_control.errors import OmniError
 from omni_mj.config.plugins import ControllerSpec
@@ -32,20 +32,18 @@ def check_program(controllers: Iterable[ControllerSpec]) -> None:
         )
     statements = _list_imported_statements(file) if file else []
     for frame, line in traceback.walk_stack(None):
-        is_main = frame.f_globals is vars(main) and frame.f_code.co_name == "<module>"
-        if not is_main or os.path.basename(frame.f_code.co_filename) != os.path.basename(
-            file or ""
-        ):
-            continue  # of a function, or of a line that was typed after the program's end
+        code = frame.f_code
+        is_main = frame.f_globals is vars(main) and code.co_name == "<module>"
+        # Lines that are typed after the program's end come from <stdin>.
+        if not is_main or code.co_filename.startswith("<"):
+            continue
         if any(node.lineno <= line <= (node.end_lineno or 0) for node in statements):
             raise OmniError(
                 f"other processes would import {file} and start processes themselves: move the "
                 f'call in its line {line} into a block `if __name__ == "__main__":`, {ADVICE}'
             )
-    nodes = [node for statement in statements for node in ast.walk(statement)]
-    classes = [node.name for node in nodes if isinstance(node, ast.ClassDef)]
     for spec in controllers:
-        if isinstance(spec, type) and not _is_importable(spec, classes):
+        if isinstance(spec, type) and not _is_importable(spec, statements):
             raise OmniError(
                 f"the class {spec.__qualname__} cannot be sent to other processes: write it to a "
                 f"file, at the top level, and import it from there, {ADVICE}"
@@ -69,10 +67,14 @@ def _list_imported_statements(file: str) -> list[ast.stmt]:
     ]
 
 
-def _is_importable(controller: type, classes: Collection[str]) -> bool:
-    """Return whether another process can import a class, given those of the main program."""
+def _is_importable(controller: type, statements: Iterable[ast.stmt]) -> bool:
+    """Return whether another process that runs these statements can import a class."""
     try:
         pickle.dumps(controller)  # fails for a class in a function
     except (pickle.PicklingError, AttributeError, ImportError):
         return False
-    return controller.__module__ != "__main__" or controller.__name__ in classes
+    return controller.__module__ != "__main__" or any(
+        isinstance(node, ast.ClassDef) and node.name == controller.__name__
+        for statement in statements
+        for node in ast.walk(statement)
+    )
