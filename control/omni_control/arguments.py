@@ -37,13 +37,16 @@ def check_integer(name: str, value: object, low: int, high: int) -> int:
     return int(value)  # type: ignore[call-overload]
 
 
-def check_array(name: str, value: object, shape: tuple[int | None, ...]) -> NDArray[np.float64]:
-    """Return finite numbers as an array of floats.
+def check_array(
+    name: str, value: object, shape: tuple[int | None, ...], allow_nan: bool = False
+) -> NDArray[np.float64]:
+    """Return a copy of finite numbers as an array of floats.
 
     Args:
         name: Name of the argument in messages.
         value: Numbers as an array or nested lists.
         shape: Required shape; None allows any length.
+        allow_nan: Whether numbers may be NaN.
 
     Raises:
         OmniError: The value has another shape, or is not made of finite numbers.
@@ -55,7 +58,8 @@ def check_array(name: str, value: object, shape: tuple[int | None, ...]) -> NDAr
     has_shape = array.ndim == len(shape) and all(
         length in (None, actual) for length, actual in zip(shape, array.shape, strict=True)
     )
-    if not has_shape or array.dtype.kind not in "iuf" or not np.isfinite(array).all():
+    is_numeric = has_shape and array.dtype.kind in "iuf"
+    if not is_numeric or np.isinf(array).any() or (np.isnan(array).any() and not allow_nan):
         axes = ", ".join("n" if length is None else str(length) for length in shape)
         raise OmniError(
             f"{name} must be finite numbers of shape ({axes}{',' * (len(shape) == 1)}), "

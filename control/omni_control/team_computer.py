@@ -13,7 +13,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from omni_control.arguments import check_types, explain_types
+from omni_control.arguments import check_array, check_types, explain_types
 from omni_control.command_limiter import CommandLimiter
 from omni_control.controllers.base import (
     RECORDED_ATTRIBUTES,
@@ -81,11 +81,7 @@ class Team:
         *,
         on_failure: FailureHandler | None = None,
     ) -> None:
-        pose = np.array(start_poses, float)
-        if pose.ndim != 2 or pose.shape[1] != 3:
-            raise OmniError(f"start_poses must be finite poses (n, 3), got shape {pose.shape}")
-        if not np.isfinite(pose).all():
-            raise OmniError("start_poses must be finite poses (n, 3), got NaN or infinite numbers")
+        pose = check_array("start_poses", start_poses, (None, 3))
         self.n, self.frame, self.estimate = len(pose), -1, pose
         self._on_failure = on_failure
         noise, latency, limits = self._assign_controllers(controllers, robot_indices)
@@ -181,11 +177,11 @@ class Team:
             OmniError: An array has a wrong shape or is infinite, an age is negative or NaN, or
                 the true state is missing.
         """
-        measured = _as_array(measured_poses, (self.n, 3), "measured_poses")
+        measured = check_array("measured_poses", measured_poses, (self.n, 3), allow_nan=True)
         measured[self.inactive] = np.nan
         age = np.zeros(self.n)
         if measurement_age is not None:
-            age = _as_array(measurement_age, (self.n,), "measurement_age")
+            age = check_array("measurement_age", measurement_age, (self.n,), allow_nan=True)
         # Faster than .all() on small arrays. False for NaN.
         if np.count_nonzero(age >= 0) < self.n:
             raise OmniError(f"measurement_age must be at least 0 s, got {measurement_age!r}")
@@ -213,7 +209,10 @@ class Team:
             filter_steps=tracker.steps,
         )
         if self.knows_truth and true_state is not None:
-            pose, twist = (_as_array(values, (self.n, 3), "true_state") for values in true_state)
+            pose, twist = (
+                check_array("true_state", values, (self.n, 3), allow_nan=True)
+                for values in true_state
+            )
             # The true state of an inactive robot may be NaN.
             pose[self.inactive], twist[self.inactive] = tracker.pose[self.inactive], 0.0
             self._true_observation = Observation(
@@ -234,9 +233,7 @@ class Team:
             ControllerError: A controller failed, and there is no `on_failure`.
         """
         if override is not None:
-            desired = _as_array(override, (self.n, 3), "commands")
-            if np.count_nonzero(np.isnan(desired)):
-                raise OmniError("commands must be finite numbers, got NaN")
+            desired = check_array("commands", override, (self.n, 3))
         elif self._observation is None:
             raise OmniError("robots must be observed before they are commanded, in every frame")
         else:
@@ -426,20 +423,3 @@ def _assign_robots(
         else selection
         for selection in selections
     ]
-
-
-def _as_array(values: ArrayLike, shape: tuple[int, ...], name: str) -> Array:
-    """Return a copy of numbers of a given shape; NaN is allowed.
-
-    Raises:
-        OmniError: A value is not a number, the shape is wrong, or a number is infinite.
-    """
-    try:
-        array = np.array(values, float)
-    except (TypeError, ValueError) as error:
-        raise OmniError(f"{name} must be numbers {shape}: {error}") from None
-    if array.shape != shape:
-        raise OmniError(f"{name} must be numbers {shape}, not of shape {array.shape}")
-    if np.count_nonzero(np.isinf(array)):
-        raise OmniError(f"{name} must be finite or NaN, got infinite numbers")
-    return array

@@ -160,14 +160,14 @@ def test_invalid_input_is_rejected() -> None:
         ("one controller each", lambda: Team([single, double], poses, [[0], [0, 1]])),
         ("one controller each", lambda: Team([single, double], poses, [[0], [1, 7]])),
         ("one controller each", lambda: Team([], poses)),
-        (r"finite poses \(n, 3\)", lambda: Team(single, np.zeros(3))),
-        (r"finite poses \(n, 3\)", lambda: Team(single, [[np.nan, 0, 0]])),
+        (r"finite numbers of shape \(n, 3\)", lambda: Team(single, np.zeros(3))),
+        (r"finite numbers of shape \(n, 3\)", lambda: Team(single, [[np.nan, 0, 0]])),
         ("same length", lambda: Team([single, Follower(TeamModel(T / 2, 2), TIMED, 2)], poses)),
         (
             "knows the truth",
             lambda: Team(TruthFollower(model, TIMED, 1), poses[:1]).step(poses[:1]),
         ),
-        (r"\(1, 3\), not of shape \(3, 3\)", lambda: Team(single, poses[:1]).step(poses)),
+        (r"of shape \(1, 3\), got", lambda: Team(single, poses[:1]).step(poses)),
         ("observed before", lambda: Team(single, poses[:1]).command()),
         ("commands must be finite", lambda: Team(single, poses[:1]).command([[np.nan] * 3])),
     ]
