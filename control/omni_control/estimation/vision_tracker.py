@@ -206,8 +206,6 @@ class VisionTracker:
         self.filter.change_noise(noise)
         self._gate.change_margins(noise, limits)
         self._latency = latency
-        # One number if all latencies are equal: commands are then looked up faster.
-        self._compact_latency = float(latency[0, 0]) if np.ptp(latency) == 0 else latency
         self.memory_frames = math.ceil(latency.max()) + 1
 
     @property
@@ -227,7 +225,7 @@ class VisionTracker:
         Returns:
             Measured poses that passed the outlier gate, (n, 3), NaN for all others.
         """
-        displacement = sent.get_delayed(self._compact_latency) * self._period
+        displacement = sent.get_delayed(self._latency) * self._period
         accepted = self._gate.reject_outliers(measured_pose, age, displacement)
         if np.count_nonzero(age) or np.count_nonzero(self.steps[-1].frames_behind):
             self._update_delayed(accepted, age, sent)

@@ -84,16 +84,8 @@ class SampledReference:
         Both are interpolated linearly between frames. Before the first frame and after the last,
         the reference rests.
         """
-        if isinstance(frame, np.ndarray):
-            poses, twists = self.preview(frame, pose, 1)
-            return poses[0], twists[0]
-        # One frame for all robots is the usual case. Indexing by arrays takes four times as long.
-        frame = min(max(frame, 0), self.frames - 1)
-        index = int(frame)
-        start, end = self._samples[index], self._samples[min(index + 1, self.frames - 1)]
-        samples = start + (frame - index) * (end - start)
-        samples = np.repeat(samples, len(pose) // len(start), axis=0)
-        return samples[:, :3], samples[:, 3:]
+        poses, twists = self.preview(frame, pose, 1)
+        return poses[0], twists[0]
 
     def preview(self, frame: float | Array, pose: Array, count: int) -> tuple[Array, Array]:
         """Return poses and twists of successive frames; see `Reference`."""
