@@ -27,12 +27,9 @@ from omni_mj.results import provenance
 from omni_mj.simulation.simulation import Simulation
 
 ROUNDS = 3  # the fastest counts, because other work on the machine only adds time
-THREAD_ROUNDS = 12
-ROBOT_STEPS = 1600  # of all robots in such a round
 
 DRIVE = ["reference.waypoints=[[0, 0], [1, 0.5]]", "reference.settle_s=0"]
 SHORT = ["reference.waypoints=[[0, 0], [0.1, 0.05]]", "reference.settle_s=0"]  # for many robots
-CONTROLLERS = "adaptive-comp-flc", "mpc"  # the slowest
 FRAMES = "p", "flc", "comp-flc", "adaptive-comp-flc", "lqr", "mpc"
 BACKENDS, SCOPES = ("numpy", "jax"), ("plant ", "loop ")
 CASES = (1, "rollers"), (1, "two-rollers"), (16, "rollers"), (64, "rollers"), (64, "two-rollers")
@@ -75,15 +72,9 @@ def report(robots: int, wheels: str) -> dict[str, float]:
     The motion is the same, on one thread.
     """
     sets = [*(SHORT if robots >= 16 else DRIVE), f"wheels.model={wheels}"]
-    chosen = {
-        backend: scenario.load_with_overrides(
-            "rect",
-            [*sets, f"physics.backend={backend}"],
-            {"seeds": robots, "controllers": ("comp-flc",)},
-        )
-        for backend in ("numpy",)
-    }
-    recorded = Simulation(chosen["numpy"])
+    head = {"seeds": robots, "controllers": ("comp-flc",)}
+    chosen = scenario.load_with_overrides("rect", [*sets, "physics.backend=numpy"], head)
+    recorded = Simulation(chosen)
     assert isinstance(recorded.plant, MujocoPlant)
     recorder = VoltageRecorder(recorded.plant._batch)
     recorded.plant._batch = recorder
@@ -92,11 +83,7 @@ def report(robots: int, wheels: str) -> dict[str, float]:
     commands = [receive_at_once(command) for command in log.channel("applied")]
 
     def prepare_bare() -> Callable[[], object]:
-        step, ctrl = (
-            _make_single_robot(chosen["numpy"])
-            if robots == 1
-            else _make_batch(chosen["numpy"], robots, 1)
-        )
+        step, ctrl = _make_single_robot(chosen) if robots == 1 else _make_batch(chosen, robots)
 
         def task() -> None:
             for voltage in recorder.voltages:
@@ -105,9 +92,8 @@ def report(robots: int, wheels: str) -> dict[str, float]:
 
         return task
 
-    times = measure_fastest(
-        {"bare": prepare_bare, **_make_tasks(chosen, commands)}, ROUNDS if robots < 64 else 1
-    )
+    tasks = {"bare": prepare_bare, **_make_tasks({"numpy": chosen}, commands)}
+    times = measure_fastest(tasks, ROUNDS if robots < 64 else 1)
     simulated = len(commands) * PERIOD_S * robots
     ratios = {name: used / times["bare"] for name, used in times.items() if name != "bare"}
     return {"bare simulated s per CPU-s": simulated / times["bare"], **ratios}
@@ -177,72 +163,12 @@ def _make_single_robot(chosen: Scenario) -> tuple[Callable[[], object], np.ndarr
     return partial(mj_step, world.model, data), data.ctrl
 
 
-def _make_batch(
-    chosen: Scenario, robots: int, threads: int
-) -> tuple[Callable[[], object], np.ndarray]:
-    """Return the step of a batch of robots, and their voltages."""
+def _make_batch(chosen: Scenario, robots: int) -> tuple[Callable[[], object], np.ndarray]:
+    """Return the step of a batch of robots on one thread, and their voltages."""
     world = world_builder.build_world(chosen.settings)
-    batch = Batch(world.model, robots, threads)
+    batch = Batch(world.model, robots, 1)
     batch.qpos[:] = world.rest_qpos
     return batch.step, batch.bind("ctrl")
-
-
-def report_threads(robots: int) -> dict[str, float]:
-    """Return the speed-up of two threads, in wall time.
-
-    Rounds are short and many, because other work on a core slows two threads more than one.
-    """
-    chosen, times = scenario.load_with_overrides("rect", DRIVE, {}), {}
-    steps = max(1, ROBOT_STEPS // robots)
-    for _ in range(THREAD_ROUNDS):
-        for threads in (1, 2):
-            step, ctrl = _make_batch(chosen, robots, threads)
-            ctrl[:] = 3.0
-            step()  # starts the threads
-            start = time.perf_counter()
-            for _ in range(steps):
-                step()
-            times[threads] = min(times.get(threads, np.inf), time.perf_counter() - start)
-    return {"two threads over one": times[1] / times[2]}
-
-
-class Timer:
-    """Calls a function, and adds up its CPU time, s."""
-
-    def __init__(self, function: Callable[..., Any]) -> None:
-        self._function, self.time = function, 0.0
-
-    def __call__(self, *args: Any) -> Any:
-        """Call the function."""
-        start = time.process_time()
-        result = self._function(*args)
-        self.time += time.process_time() - start
-        return result
-
-
-def report_controllers(robots: int) -> dict[str, float]:
-    """Return CPU times of controllers over those of bare steps of their robots, in one run."""
-    ratios = {}
-    for name in CONTROLLERS:
-        chosen = scenario.load_with_overrides(
-            "rect", DRIVE if robots == 1 else SHORT, {"seeds": robots, "controllers": (name,)}
-        )
-        times = []
-        # Other work averages out over the long run of many robots.
-        for _ in range(ROUNDS if robots == 1 else 1):
-            simulation = Simulation(chosen)
-            (controller,) = simulation.team.controllers
-            assert isinstance(simulation.plant, MujocoPlant)
-            recorder = VoltageRecorder(simulation.plant._batch)
-            simulation.plant._batch = recorder
-            command, steps = Timer(controller.command), Timer(recorder.step)
-            controller.command, recorder.step = command, steps  # type: ignore[method-assign]
-            simulation.run()
-            assert not simulation.failures
-            times.append((command.time, steps.time))
-        commanding, stepping = np.min(times, axis=0)
-        ratios |= {name: commanding / stepping, f"{name}, ms": 1e3 * commanding / simulation.frame}
-    return ratios
 
 
 def main() -> None:
@@ -270,13 +196,6 @@ def main() -> None:
     print(f"{'controller':24s}", *(f"{backend:>14s}" for backend in BACKENDS))
     for name in FRAMES:
         show(f"{name}, planar", report_frames(name))
-    print("\nbare steps on two threads, times as fast as on one (wall)")
-    for robots in (2, 4, 8, 16, 64):
-        show(f"{robots} on two threads", report_threads(robots))
-    print("\nCPU time of a controller over that of bare steps of the same robots, and ms per frame")
-    print(f"{'robots':24s}", *(f"{name:>14.14s}             ms" for name in CONTROLLERS))
-    for robots in (1, 64):
-        show(f"controllers of {robots}", report_controllers(robots))
     record = provenance.describe_environment() | {"cores": len(os.sched_getaffinity(0))}
     OUT.write_text(json.dumps(record | {"ratios": results}, indent=2) + "\n")
     print(f"\n{OUT}")
