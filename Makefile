@@ -37,8 +37,6 @@ hooks: $(VENV)/.installed-test
 	$(BIN)/pre-commit install
 
 bench: $(VENV)/.installed-test
-	PYTHONPATH=tests/support $(BIN)/python tests/bench_fuzzy.py
-	$(BIN)/python tests/bench_recording.py
 	PYTHONPATH=tests/support $(BIN)/python tests/bench.py
 	$(BIN)/python tests/bench_gym.py
 	PYTHONPATH=tests/support $(BIN)/python tests/bench_serve.py

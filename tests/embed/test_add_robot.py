@@ -22,6 +22,7 @@ from omni_mj.plants.mujoco_plant import MujocoPlant
 
 ROBOTS = ("tigers-v2016", "tigers-v2020", "robojackets")
 ELLIPTIC, Integrator = mujoco.mjtCone.mjCONE_ELLIPTIC, mujoco.mjtIntegrator
+NO_CONTACT = int(mujoco.mjtDisableBit.mjDSBL_CONTACT)
 FIELD = find_models_folder() / "field.xml"
 STEPS = 16  # of the field's timestep in a frame
 RANDOM = {"randomization": {"max_wear_m": 5e-4, "mass_std": 0.1, "com_offset_std_m": 0.003}}
@@ -61,8 +62,7 @@ def drive_in_scene(
 ) -> tuple[NDArray, NDArray]:
     """Return pose (3,) and positions (steps, 3) of a robot that drove in a scene."""
     added = om.add_robot(scene, robot, prefix="mine/", **options)
-    model = scene.compile()
-    data = mujoco.MjData(model)
+    model, data = compile_scene(scene)
     drive, positions = added.bind(model, data), []
     for _ in range(round(seconds / model.opt.timestep)):
         drive.command(accelerate(twist, data.time))
@@ -90,8 +90,7 @@ def test_on_the_field_it_has_the_bits_of_the_plant(
         om.add_robot(scene, robot, prefix=f"robot_{slot}/", pose=pose, **sections)
         for slot, pose in enumerate(poses[:n_robots])
     ]
-    model = scene.compile()
-    data = mujoco.MjData(model)
+    model, data = compile_scene(scene)
     drives = [robot.bind(model, data, seed=seed) for robot in added]
     commands = rng.normal(size=(30, n_robots, 3))
     heading = poses[0][2]
@@ -101,11 +100,7 @@ def test_on_the_field_it_has_the_bits_of_the_plant(
         for drive, command in zip(drives, frame_commands, strict=True):
             drive.command(command)
         for _ in range(STEPS * substeps):
-            for drive in drives:
-                drive.before_step()
-            mujoco.mj_step(model, data)
-            for drive in drives:
-                drive.after_step()
+            advance(drives)
     telemetry = plant.telemetry()
     for row, drive in enumerate(drives):
         assert (drive.pose[:2] == plant.pose()[row, :2]).all()
@@ -243,8 +238,7 @@ def test_it_carries_an_arm_and_leaves_other_motors_alone() -> None:
         name="shoulder", trntype=mujoco.mjtTrn.mjTRN_JOINT, target="shoulder"
     )
     motor.set_to_position(kp=2.0, kv=0.2)
-    model = scene.compile()
-    data = mujoco.MjData(model)
+    model, data = compile_scene(scene)
     drives = [robot.bind(model, data) for robot in (carrier, fallen)]
     free_joint = model.joint("fallen/robot").qposadr[0]
     data.qpos[free_joint + 2 : free_joint + 7] = 0.3, 0.5, 0.8, 0.2, 0.1
@@ -253,10 +247,7 @@ def test_it_carries_an_arm_and_leaves_other_motors_alone() -> None:
     for _ in range(500):
         for drive in drives:
             drive.command(accelerate(twist, data.time))
-            drive.before_step()
-        mujoco.mj_step(model, data)
-        for drive in drives:
-            drive.after_step()
+        advance(drives)
     assert data.actuator("shoulder").ctrl[0] == 1.0
     assert model.geom("arm").margin[0] == 0.002
     assert data.joint("shoulder").qpos[0] == pytest.approx(1.0, abs=0.1)
@@ -303,19 +294,19 @@ def test_each_kind_of_command_reaches_the_motors() -> None:
 def test_mistakes_get_one_message() -> None:
     scene = make_floor("plane")
     robot = om.add_robot(scene, prefix="a_")
-    with pytest.raises(om.OmniError, match="give the robot another prefix"):
-        om.add_robot(scene, prefix="a_")
-    with pytest.raises(om.OmniError, match="cannot have fault"):
-        om.add_robot(scene, prefix="b_", fault=[{"kind": "push"}])
-    with pytest.raises(om.OmniError, match="did you mean"):
-        om.add_robot(scene, prefix="b_", carpet={"frictoin": 1})
-    with pytest.raises(om.OmniError, match="pose must be finite"):
-        om.add_robot(scene, prefix="b_", pose=(0, 0))
-    model = scene.compile()
-    data = mujoco.MjData(model)
-    other = make_floor("plane").compile()
+    mistakes: dict[str, dict[str, Any]] = {
+        "give the robot another prefix": {"prefix": "a_"},
+        "cannot have fault": {"fault": [{"kind": "push"}]},
+        "did you mean": {"carpet": {"frictoin": 1}},
+        "pose must be finite": {"pose": (0, 0)},
+    }
+    for message, options in mistakes.items():
+        with pytest.raises(om.OmniError, match=message):
+            om.add_robot(scene, **{"prefix": "b_"} | options)
+    model, data = compile_scene(scene)
+    other, other_data = compile_scene(make_floor("plane"))
     with pytest.raises(om.OmniError, match="no body 'a_chassis'"):
-        robot.bind(other, mujoco.MjData(other))
+        robot.bind(other, other_data)
     drive = robot.bind(model, data)
     for command in ({}, {"velocity": [0, 0]}, {"voltages": [np.nan] * 4}, {"currents": 1}):
         with pytest.raises(om.OmniError):
@@ -339,7 +330,7 @@ def test_mistakes_get_one_message() -> None:
     with pytest.raises(om.OmniError, match="call before_step, mj_step and after_step in turn"):
         drive.before_step()
     with pytest.raises(om.OmniError, match="another model"):
-        robot.bind(model, mujoco.MjData(other))
+        robot.bind(model, other_data)
 
 
 def test_it_is_put_on_the_floor_near_its_height() -> None:
@@ -351,8 +342,7 @@ def test_it_is_put_on_the_floor_near_its_height() -> None:
     below = om.add_robot(scene, prefix="below_")
     above = om.add_robot(scene, prefix="above_", height=0.3)
     outside = om.add_robot(scene, prefix="outside_", height=1.0)
-    model = scene.compile()
-    data = mujoco.MjData(model)
+    model, data = compile_scene(scene)
     for robot, height in ((below, 0.0), (above, 0.29)):
         drive = robot.bind(model, data)
         assert data.body(robot.chassis).xpos[2] == pytest.approx(height, abs=1e-3)
@@ -366,36 +356,24 @@ def test_it_is_put_on_the_floor_near_its_height() -> None:
 
 
 @pytest.mark.parametrize(
-    ("change", "message"),
+    ("scene", "message"),
     [
-        ({"timestep": 0.006}, "timestep of the scene is 0.006 s; wheels need at most 0.005 s"),
-        ({"disableflags": int(mujoco.mjtDisableBit.mjDSBL_CONTACT)}, "disable contact"),
+        (make_floor("plane", timestep=0.006), "scene is 0.006 s; wheels need at most 0.005 s"),
+        (make_floor("plane", disableflags=NO_CONTACT), "disable contact"),
+        (make_floor("plane", timestep=0.005), "wheel loops of the robot tigers-v2020 need at most"),
+        (mujoco.MjSpec(), "needs a floor"),
     ],
 )
-def test_scenes_in_which_no_wheel_rolls_are_refused(change: dict[str, Any], message: str) -> None:
-    scene = make_floor("plane", **change)
-    robot = om.add_robot(scene)
-    model = scene.compile()
+def test_scenes_in_which_it_cannot_roll_are_refused(scene: mujoco.MjSpec, message: str) -> None:
+    robot = om.add_robot(scene, "tigers-v2020")
     with pytest.raises(om.OmniError, match=message):
-        robot.bind(model, mujoco.MjData(model))
-
-
-def test_scenes_without_floor_and_loops_that_oscillate_are_refused() -> None:
-    robot, model, data = add_to_plane("tigers-v2020", timestep=0.005)
-    with pytest.raises(om.OmniError, match="wheel loops of the robot tigers-v2020 need at most"):
-        robot.bind(model, data)
-    scene = mujoco.MjSpec()
-    robot = om.add_robot(scene)
-    model = scene.compile()
-    with pytest.raises(om.OmniError, match="needs a floor"):
-        robot.bind(model, mujoco.MjData(model))
+        robot.bind(*compile_scene(scene))
 
 
 def test_drives_of_one_model_share_its_data_and_each_robot_has_one() -> None:
     """A second drive is refused. In a copied model it drives as the first one, to the bit."""
     scene, robots = make_two_robots()
-    model = scene.compile()
-    data = mujoco.MjData(model)
+    model, data = compile_scene(scene)
     drives = [robots[0].bind(model, data)]
     with pytest.raises(om.OmniError, match="already has a drive of 'a_chassis'"):
         robots[1].bind(model, mujoco.MjData(model))
@@ -420,27 +398,22 @@ def test_drives_of_one_model_share_its_data_and_each_robot_has_one() -> None:
     np.testing.assert_array_equal(drive_all(drives), expected)
 
 
-@pytest.mark.parametrize(
-    "reset_data",
-    [
-        mujoco.mj_resetData,
-        lambda model, data: mujoco.mj_resetDataKeyframe(model, data, 0),
-        lambda *_: None,
-    ],
-    ids=["data", "keyframe", "robots alone"],
-)
-def test_a_reset_repeats_the_bits(reset_data: Any) -> None:
-    """Heat, battery, integrators, encoders and noise start anew."""
+def test_a_reset_repeats_the_bits() -> None:
+    """Heat, battery, integrators, encoders and noise start anew, whatever resets the scene."""
     scene, robots = make_two_robots()
     scene.add_key(time=7.0)
-    model = scene.compile()
-    data = mujoco.MjData(model)
+    model, data = compile_scene(scene)
     drives = [robot.bind(model, data, seed=3) for robot in robots]
     expected = drive_all(drives)
-    reset_data(model, data)
-    for drive in drives:
-        drive.reset()
-    np.testing.assert_array_equal(drive_all(drives), expected)
+    for reset_data in (
+        lambda: mujoco.mj_resetData(model, data),
+        lambda: mujoco.mj_resetDataKeyframe(model, data, 0),
+        lambda: None,
+    ):
+        reset_data()
+        for drive in drives:
+            drive.reset()
+        np.testing.assert_array_equal(drive_all(drives), expected)
 
 
 def test_a_scene_may_be_attached_with_a_prefix_and_moved() -> None:
@@ -465,8 +438,7 @@ def test_a_scene_may_be_attached_with_a_prefix_and_moved() -> None:
     for drive, x in zip(drives, (1, 1, 51), strict=True):
         start = [x + 0.2 * cosine - 0.1 * sine, 2 + 0.2 * sine + 0.1 * cosine, 0.3 + turn]
         np.testing.assert_allclose(drive.pose, start, atol=1e-9)
-    plain_model = scene.compile()
-    plain = robot.bind(plain_model, mujoco.MjData(plain_model))
+    plain = robot.bind(*compile_scene(scene))
     step(plain, 200, velocity=twist)
     step(drives[0], 200, velocity=twist)
     x, y, heading = plain.pose
@@ -477,8 +449,7 @@ def test_a_scene_may_be_attached_with_a_prefix_and_moved() -> None:
 def test_a_drive_follows_a_scene_that_is_compiled_again_in_motion() -> None:
     """With another body before its own, it drives on as without; another robot is refused."""
     scene, robots = make_two_robots()
-    model = scene.compile()
-    data = mujoco.MjData(model)
+    model, data = compile_scene(scene)
     drives = [robot.bind(model, data) for robot in robots]
     drive_all(drives)
     undisturbed = copy.deepcopy(drives)
@@ -486,9 +457,8 @@ def test_a_drive_follows_a_scene_that_is_compiled_again_in_motion() -> None:
     box.add_freejoint()
     box.add_geom(type=mujoco.mjtGeom.mjGEOM_BOX, size=[0.1, 0.1, 0.1])
     new_model, new_data = scene.recompile(model, data)
-    other = make_floor("plane").compile()
     with pytest.raises(om.OmniError, match="no body 'a_chassis'"):
-        drives[0].follow(other, mujoco.MjData(other))
+        drives[0].follow(*compile_scene(make_floor("plane")))
     assert drives[0].model is model, "it stays"
     for drive in drives:
         drive.follow(new_model, new_data)
@@ -512,8 +482,7 @@ def test_the_gyro_has_bias_and_noise() -> None:
     for seed in range(4):
         scene = make_floor("plane", timestep=FRAME_S / 4)
         robot = om.add_robot(scene, sensors=settings)
-        model = scene.compile()
-        drive = robot.bind(model, mujoco.MjData(model), seed=seed)
+        drive = robot.bind(*compile_scene(scene), seed=seed)
         drive.command(currents=[0.0] * 4)
         frames = []
         for _ in range(n_frames):
@@ -546,11 +515,7 @@ def drive_all(drives: list[Any], n_steps: int = 60) -> NDArray:
     for drive in drives:
         drive.command([1.5, -0.7, 2.0])
     for _ in range(n_steps):
-        for drive in drives:
-            drive.before_step()
-        mujoco.mj_step(drives[0].model, drives[0].data)
-        for drive in drives:
-            drive.after_step()
+        advance(drives)
     return np.array(
         [[*d.pose, d.winding_temperatures.max(), d.battery_charge] for d in drives], float
     )
@@ -567,12 +532,24 @@ def test_wheels_sink_in_with_the_square_of_steps_longer_than_2_ms() -> None:
     assert np.divide(depths, depths[1]) == pytest.approx([1, 1, 1.5**2, 2.5**2], rel=1e-3)
 
 
+def compile_scene(scene: mujoco.MjSpec) -> tuple[mujoco.MjModel, mujoco.MjData]:
+    model = scene.compile()
+    return model, mujoco.MjData(model)
+
+
 def add_to_plane(name: str, **options: Any) -> tuple[Any, mujoco.MjModel, mujoco.MjData]:
     """Return a robot without prefix on a plane, and the scene."""
     scene = make_floor("plane", **options)
-    robot = om.add_robot(scene, name)
-    model = scene.compile()
-    return robot, model, mujoco.MjData(model)
+    return om.add_robot(scene, name), *compile_scene(scene)
+
+
+def advance(drives: list[Any]) -> None:
+    """Advance the scene of some drives by one step."""
+    for drive in drives:
+        drive.before_step()
+    mujoco.mj_step(drives[0].model, drives[0].data)
+    for drive in drives:
+        drive.after_step()
 
 
 def step(drive: Any, n_steps: int, **command: Any) -> None:

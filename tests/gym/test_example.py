@@ -1,11 +1,10 @@
 """What the documents say of learning: their lines run, and so does the example."""
 
 import re
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
+from commands import run_python
 
 ROOT = Path(__file__).parents[2]
 
@@ -17,13 +16,8 @@ def test_the_example_trains_and_drives(tmp_path: Path) -> None:
         "[reference]\nwaypoints = [[0, 0], [0.2, 0.1]]\nsettle_s = 0.1\n"
     )
     example = ROOT / "examples" / "learn" / "ppo.py"
-    done = subprocess.run(
-        [sys.executable, example, "--frames", "4096", "--scenario", "short.toml"],
-        cwd=tmp_path,
-        capture_output=True,
-        text=True,
-        timeout=120,
-    )
+    options = "--frames 4096 --scenario short.toml"
+    done = run_python(example, options, cwd=tmp_path, timeout=120)
     assert (done.returncode, done.stderr) == (0, "")
     assert re.search(r"^Learned +\d", done.stdout, re.MULTILINE)
 

@@ -19,7 +19,7 @@ from urllib.request import urlopen
 
 import numpy as np
 import pytest
-from commands import invoke
+from commands import invoke, run_python
 from PIL import Image
 
 from omni_control.errors import OmniError
@@ -427,7 +427,7 @@ def test_a_link_names_no_files_and_only_allowed_values(query: str) -> None:
 def test_without_the_extra_it_says_how_to_install_it() -> None:
     code = "import sys; sys.modules['viser'] = None; sys.argv = ['omni-mj', 'play']\n"
     code += "from omni_mj.cli.main import main; main()"
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+    done = run_python(code=code)
     assert done.returncode == 2
     assert "needs the package viser" in done.stderr
     assert "[play]" in done.stderr

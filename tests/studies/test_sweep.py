@@ -18,7 +18,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 from benches import studies as bench
-from commands import invoke, split_words
+from commands import invoke, run_python, split_words
 
 import omni_mj as om
 
@@ -248,14 +248,8 @@ def test_programs_that_processes_cannot_import_are_refused_before_they_start(
         file = tmp_path / f"{name}.py"
         file.write_text(PROGRAM + call + "\n")
         program = {"cell": ["-c", file.read_text()], "stdin": ["-"]}.get(name, [str(file)])
-        done = subprocess.run(
-            [sys.executable, *program],
-            input=file.read_text() if name == "stdin" else "",
-            cwd=tmp_path,
-            capture_output=True,
-            text=True,
-            timeout=60,
-        )
+        stdin = file.read_text() if name == "stdin" else ""
+        done = run_python(program, input=stdin, cwd=tmp_path)
         assert (done.returncode, done.stderr) == (0, ""), name
         assert message in done.stdout
         assert done.stdout.count("\n") == 1
@@ -268,15 +262,8 @@ def cluster() -> Iterator[tuple[str, list[subprocess.Popen[bytes]]]]:
     # Imported here because worker processes of the tests import this file
     from distributed import Client, LocalCluster
 
-    command = [
-        sys.executable,
-        "-m",
-        "distributed.cli.dask_worker",
-        "--no-nanny",
-        "--nthreads",
-        "1",
-        "--no-dashboard",
-    ]
+    options = "-m distributed.cli.dask_worker --no-nanny --nthreads 1 --no-dashboard"
+    command = [sys.executable, *options.split()]
     local = LocalCluster(n_workers=0, dashboard_address=None, silence_logs=50)
     with local as scheduler:
         address = scheduler.scheduler_address
@@ -333,13 +320,8 @@ class OtherInstallation(Executor):
 
     def submit(self, function: Any, /, *arguments: Any, **_: Any) -> Future[Any]:
         code = "import pickle, sys; f, a = pickle.load(sys.stdin.buffer); f(*a)"
-        done = subprocess.run(
-            [sys.executable, "-P", "-c", code],
-            input=pickle.dumps((function, arguments)),
-            env=self.environment,
-            capture_output=True,
-            timeout=60,
-        )
+        call = pickle.dumps((function, arguments))
+        done = run_python("-P -c", [code], input=call, env=self.environment, text=False)
         future: Future[Any] = Future()
         future.set_exception(RuntimeError(done.stderr.decode()))
         return future
@@ -351,15 +333,12 @@ def test_workers_with_another_source_or_arithmetic_are_refused(tmp_path: Path) -
         shutil.copytree(root / name, tmp_path / "other" / name)
     with (tmp_path / "other/omni_mj/config/rows.py").open("a") as file:
         file.write("# changed\n")
-    for environment, difference in (
-        (
-            {"PYTHONPATH": str(tmp_path / "other")},
-            r"OmniError: .*other versions.*: source \w+, not",
-        ),
-        ({"OPENBLAS_CORETYPE": "Nehalem"}, "OmniError: .*another processor.*BLAS .*Nehalem, not"),
+    for variable, value, difference in (
+        ("PYTHONPATH", str(tmp_path / "other"), r"other versions.*: source \w+, not"),
+        ("OPENBLAS_CORETYPE", "Nehalem", "another processor.*BLAS .*Nehalem, not"),
     ):
-        with pytest.raises(om.OmniError, match=difference):
-            run_sweep(tmp_path / "out", executor=OtherInstallation(environment))
+        with pytest.raises(om.OmniError, match=f"OmniError: .*{difference}"):
+            run_sweep(tmp_path / "out", executor=OtherInstallation({variable: value}))
 
 
 def test_clusters_and_packages_that_are_not_there_leave_no_folder(
@@ -450,11 +429,14 @@ def test_wheel_models_do_not_share_a_shard() -> None:
 def test_correlations_and_worst_runs_are_reported(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """The dead time correlates, friction does not; a command repeats the worst run bit for bit."""
-    folder = tmp_path / "s"
+    """The dead time correlates, friction does not; a command repeats the worst run bit for bit.
+
+    It has a truth value, a text and numbers, and a folder whose name needs quotes.
+    """
+    folder = tmp_path / "it's $1"
     options = "--scenario rect --plant kinematic --controller p --seeds 12 --out"
-    delay = "--set radio.delay_frames={uniform=[0,8]}"
-    friction = "--set carpet.friction={uniform=[0.4,0.9]}"
+    delay = "--set radio.delay_frames={uniform=[0,8]} --vary firmware.thermal_derating=true"
+    friction = "--set carpet.friction={uniform=[0.4,0.9]} --vary wheels.model=two-rollers"
     assert invoke("sweep", options, folder, ROUTE, delay, friction) == 0
     assert "radio.delay_frames" in capsys.readouterr().out
     summary = json.loads((folder / "summary.json").read_text())
@@ -463,13 +445,10 @@ def test_correlations_and_worst_runs_are_reported(
     rows = pq.read_table(folder / "rows.parquet").to_pylist()
     worst = summary["worst"][0]
     assert worst["position_max_m"] == max(row["position_max_m"] for row in rows)
-    assert (
-        invoke(shlex.split(worst["repeat_command"])[1:], "--no-figures --out", tmp_path / "again")
-        == 0
-    )
-    again = json.loads((tmp_path / "again/summary.json").read_text())["scenarios"]["rect"][
-        "results"
-    ]["p"]
+    command = shlex.split(worst["repeat_command"])[1:]
+    assert invoke(command, "--no-figures --no-record --out", tmp_path / "again") == 0
+    summary = json.loads((tmp_path / "again/summary.json").read_text())
+    again = summary["scenarios"]["rect"]["results"]["p"]
     assert again["error_m"]["position"]["max"]["per_seed"] == [worst["position_max_m"]]
 
 
@@ -489,19 +468,6 @@ def test_worst_runs_are_the_earliest_failures(tmp_path: Path) -> None:
     )
     worst = [run["radio.delay_frames"] for run in result.summary["worst"]]
     assert worst == [2, 4, 6]
-
-
-def test_the_command_of_the_worst_run_has_values_of_all_types(tmp_path: Path) -> None:
-    """Truth values, texts and numbers, in a folder whose name needs quotes."""
-    options = "--vary firmware.thermal_derating=true --vary wheels.model=two-rollers"
-    folder = tmp_path / "it's $1"
-    words = (
-        f"--scenario rect --plant kinematic {ROUTE} --controller p --vary carpet.friction=0.5,0.6"
-    )
-    assert invoke("sweep", words, options, "--out", folder, "--quiet") == 0
-    worst = json.loads((folder / "summary.json").read_text())["worst"][0]
-    command = shlex.split(worst["repeat_command"])[1:]
-    assert invoke(command, "--no-figures --no-record --out", tmp_path / "again") == 0
 
 
 def test_points_have_failure_rates_and_medians_with_intervals(

@@ -15,7 +15,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 from benches import studies as bench
-from commands import appears, invoke, strict
+from commands import appears, invoke, run_python, split_words, strict
 from own_robot import written
 
 import omni_mj as om
@@ -117,17 +117,9 @@ def test_a_sweep_is_continued_only_if_nothing_has_changed(
 
 def test_a_sweep_is_not_continued_with_other_arithmetic(copied_sweep: None) -> None:
     """Of the same processor: these variables choose its oldest instructions."""
-    features = " ".join(
-        json.loads(Path("out/provenance.json").read_text())["machine"]["SIMD"].split()[1:]
-    )
+    _, features = strict(Path("out/provenance.json"))["machine"]["SIMD"].split(maxsplit=1)
     other = {"OPENBLAS_CORETYPE": "Nehalem", "NPY_DISABLE_CPU_FEATURES": features}
-    done = subprocess.run(
-        [sys.executable, "-m", "omni_mj", *SWEEP.split()],
-        env=os.environ | other,
-        capture_output=True,
-        text=True,
-        timeout=60,
-    )
+    done = run_python("-m omni_mj", SWEEP, env=os.environ | other)
     assert done.returncode == 2
     for name in ("SIMD", "BLAS", "sample results"):
         assert f"error: machine.{name} was " in done.stderr
@@ -260,11 +252,10 @@ def is_running(process: int) -> bool:
 
 def test_workers_end_with_their_parent(tmp_path: Path) -> None:
     """However it is killed, and with one line even if Ctrl-C reaches them while they start."""
-    command = (
-        sys.executable, "-m", "omni_mj", "sweep", "--scenario", "rect", "--plant", "kinematic",
-        "--controller", "p", "--set", "reference.laps=1000", "--vary", "radio.delay_frames=0,4",
-        "--batch-size", "1", "--jobs", "2", "--quiet", "--out",
-    )  # fmt: skip
+    command = [sys.executable, *split_words(
+        "-m omni_mj sweep --scenario rect --plant kinematic --controller p --quiet --batch-size 1 "
+        "--set reference.laps=1000 --vary radio.delay_frames=0,4 --jobs 2 --out"
+    )]  # fmt: skip
     for number in (signal.SIGINT, signal.SIGKILL, signal.SIGTERM):
         parent = subprocess.Popen(
             [*command, tmp_path / number.name],
@@ -295,15 +286,15 @@ def test_two_programs_never_write_to_one_folder(
 ) -> None:
     """If the folder is deleted and made again, the first run writes nothing to the new one."""
     out = tmp_path / "out"
-    words = ("run", "--scenario", "rect", "--plant", "kinematic", "--no-figures", "--quiet")
-    long_run = ("--set", "reference.laps=1000", "--out", out)
-    command = [sys.executable, "-m", "omni_mj", *words, "--controller", "p", *long_run]
-    running = subprocess.Popen(command, stderr=subprocess.PIPE, text=True)
+    rect = "--scenario rect --plant kinematic --quiet"
+    run = f"run {rect} --no-figures"
+    command = split_words("-m omni_mj", run, "--controller p --set reference.laps=1000 --out", out)
+    running = subprocess.Popen([sys.executable, *command], stderr=subprocess.PIPE, text=True)
     assert appears(out / "scenario.toml")
     result = om.run(om.load_scenario("rect", plant="kinematic"), ["p"])
     for call in (
-        lambda: invoke(*words, "--out", out, "--overwrite"),
-        lambda: invoke("compare", *words[1:5], "--quiet --out", out, "--overwrite"),
+        lambda: invoke(run, "--overwrite --out", out),
+        lambda: invoke("compare", rect, "--overwrite --out", out),
         lambda: result.save(out),
         lambda: om.sweep("rect", {"radio.delay_frames": [0, 4]}, ["p"], out=out),
     ):
@@ -323,5 +314,5 @@ def test_two_programs_never_write_to_one_folder(
     assert (running.returncode, err.count("\n")) == (2, 1)
     assert {path: path.read_bytes() for path in out.rglob("*") if path.is_file()} == contents
     assert strict(out / "summary.json")["complete"]
-    assert invoke("compare", *words[1:5], "--controller p --out", out, "--overwrite") == 2
+    assert invoke("compare", rect, "--controller p --overwrite --out", out) == 2
     assert "holds results of omni-mj run" in capsys.readouterr().err

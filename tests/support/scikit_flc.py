@@ -1,4 +1,4 @@
-"""The paper's fuzzy controller in scikit-fuzzy: the reference of tests and benchmark."""
+"""The paper's fuzzy controller in scikit-fuzzy: the reference of tests."""
 
 from typing import TYPE_CHECKING
 

@@ -9,7 +9,7 @@ import omni_mj as om
 from omni_control.kinematics import Array
 from omni_control.reference import MotionLimits
 from omni_mj.config import PERIOD_S
-from omni_mj.config.nominal_model import compute_creep_law, compute_normal_forces
+from omni_mj.config.nominal_model import compute_creep_law
 from omni_mj.config.settings import Settings
 from omni_mj.results.ramp_response import RampResponse
 from omni_mj.results.result import Outcome
