@@ -234,59 +234,36 @@ def test_changes_of_the_environment_are_reported(
 def test_runs_that_cannot_be_repeated_give_one_line(
     folder: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    def put(name: str, old: str, new: str) -> Callable[[], object]:
-        def change() -> None:
-            text = (folder / name).read_text()
-            assert old in text
-            (folder / name).write_text(text.replace(old, new, 1))
-
-        return change
-
-    cases: tuple[tuple[Callable[[], object], str], ...] = (
-        (
-            put("sources/mine.py", "4.0 *", "2 *"),
-            "sources/mine.py is missing, or was changed after the run",
-        ),
-        (
-            lambda: (folder / "sources/mine.py").unlink(),
-            "sources/mine.py is missing, or was changed after the run",
-        ),
-        (put("provenance.json", '"format": 4', '"format": 9'), "has format 9"),
-        (
-            put("provenance.json", '"study": "run"', '"study": "slip"'),
-            "repeat the study: omni-mj run",
-        ),
-        (put("provenance.json", '"robot": {', '"rob": {'), "were changed after the run"),
-        (
-            put("provenance.json", '"sources/mine.py"', '"sources/../../mine.py"'),
-            "which is not in sources/",
-        ),
-        (
-            put("provenance.json", '"sources/robot.toml"', '"scenario.toml"'),
-            "which is not in sources/",
-        ),
-        (put("scenario.toml", "\nfriction = ", "\nfriction = 1"), "carpet.friction was "),
-        (
-            put("scenario.toml", "dwell_s = 0.0", "dwell_s = -0.0"),
-            "dwell_s was 0.0 in the run, is -0.",
-        ),
-        (
-            put("scenario.toml", "dwell_s = 0.0", "dwell_s = 0"),
-            "dwell_s was 0.0 in the run, is 0 h",
-        ),
-        (put("scenario.toml", "[carpet]", "[carpet]\nadded = 1"), "carpet.added was absent"),
-        (put("scenario.toml", "seed = 0", "seed = 0\nadded = 1"), "added was absent"),
-        (put("scenario.toml", "settle_s = ", "settle_s = -"), "reference.settle_s was 0.1"),
-        (lambda: (folder / "trajectory.parquet").unlink(), "trajectory.parquet cannot be read"),
-        (lambda: (folder / "scenario.toml").unlink(), "scenario.toml"),
-        (lambda: (folder / "summary.json").unlink(), "has no summary.json"),
-        (lambda: (folder / "provenance.json").unlink(), "it has no provenance.json"),
+    provenance, scenario, lost = "provenance.json", "scenario.toml", "is missing, or was changed"
+    changes = (
+        ("sources/mine.py", "4.0 *", "2 *", f"sources/mine.py {lost} after the run"),
+        (provenance, '"format": 4', '"format": 9', "has format 9"),
+        (provenance, '"study": "run"', '"study": "slip"', "repeat the study: omni-mj run"),
+        (provenance, '"robot": {', '"rob": {', "were changed after the run"),
+        (provenance, '"sources/mine.py"', '"sources/../../mine.py"', "which is not in sources/"),
+        (provenance, '"sources/robot.toml"', '"scenario.toml"', "which is not in sources/"),
+        (scenario, "\nfriction = ", "\nfriction = 1", "carpet.friction was "),
+        (scenario, "dwell_s = 0.0", "dwell_s = -0.0", "dwell_s was 0.0 in the run, is -0."),
+        (scenario, "dwell_s = 0.0", "dwell_s = 0", "dwell_s was 0.0 in the run, is 0 h"),
+        (scenario, "[carpet]", "[carpet]\nadded = 1", "carpet.added was absent"),
+        (scenario, "seed = 0", "seed = 0\nadded = 1", "added was absent"),
+        (scenario, "settle_s = ", "settle_s = -", "reference.settle_s was 0.1"),
+        ("sources/mine.py", "", None, f"sources/mine.py {lost} after the run"),
+        ("trajectory.parquet", "", None, "trajectory.parquet cannot be read"),
+        (scenario, "", None, "scenario.toml"),
+        ("summary.json", "", None, "has no summary.json"),
+        (provenance, "", None, "it has no provenance.json"),
     )
     contents = {path: path.read_bytes() for path in folder.rglob("*") if path.is_file()}
-    for spoil, expected_error in cases:
+    for name, old, new, expected_error in changes:
         for path, data in contents.items():
             path.write_bytes(data)
-        spoil()
+        file = folder / name
+        if new is None:
+            file.unlink()
+        else:
+            assert old in file.read_text()
+            file.write_text(file.read_text().replace(old, new, 1))
         assert invoke("verify", folder, "--allow-code") == 2, expected_error
         printed = capsys.readouterr()
         assert printed.out == ""

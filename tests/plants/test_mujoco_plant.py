@@ -1,8 +1,6 @@
 """The plant mujoco: laws of a point mass on carpet, and independence of rows in a batch."""
 
 import math
-import subprocess
-import sys
 
 import numpy as np
 import pytest
@@ -17,6 +15,7 @@ from benches.plant import (
     with_settings,
 )
 from benches.plant import mujoco as plant_of
+from commands import run_python
 
 STARTS = np.array(
     [[0, 0, 0], [1.5, -2, 1], [-3, 0.5, math.pi], [0, 0, -math.pi + 1e-3], [4, 3, 10], [0, 1, -7.0]]
@@ -108,5 +107,4 @@ def test_threads_follow_the_affinity_of_the_process() -> None:
         "om.Simulation(om.load_scenario('rect'), ['p'], range(16)).step();"
         "print(len(os.listdir('/proc/self/task')))"
     )
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert done.stdout.split() == ["1"]
+    assert run_python(code=code).stdout.split() == ["1"]

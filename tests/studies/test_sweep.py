@@ -437,7 +437,8 @@ def test_correlations_and_worst_runs_are_reported(
     options = "--scenario rect --plant kinematic --controller p --seeds 12 --out"
     delay = "--set radio.delay_frames={uniform=[0,8]} --vary firmware.thermal_derating=true"
     friction = "--set carpet.friction={uniform=[0.4,0.9]} --vary wheels.model=two-rollers"
-    assert invoke("sweep", options, folder, ROUTE, delay, friction) == 0
+    charge = "--vary battery.charge=0.5"
+    assert invoke("sweep", options, folder, ROUTE, delay, friction, charge) == 0
     assert "radio.delay_frames" in capsys.readouterr().out
     summary = json.loads((folder / "summary.json").read_text())
     correlations = {line["setting"]: line["position_max_m"] for line in summary["correlations"]}
