@@ -57,10 +57,10 @@ def identify_command(
     outputs = ("identify.json", "robot.toml", "model", *output_folders.PROVENANCE)
     folder = output_folders.prepare_folder(output.out, "identify", outputs, output.overwrite)
     with console.report_write_errors(folder):
-        result.save(folder)
         provenance.save_provenance(
             folder, "identify", console.get_command_line(), [result.start], {}
         )
+        result.save(folder)
     if not output.quiet:
         print(result.table())
         print(console.describe_outputs(folder, outputs))

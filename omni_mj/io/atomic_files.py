@@ -125,9 +125,23 @@ def write_files(folder: Path, files: Mapping[str, bytes]) -> None:
             file.write(data)
 
 
+def encode_json(content: Mapping[str, Any]) -> bytes:
+    """Return a mapping as strict JSON.
+
+    Raises:
+        ValueError: A number is NaN or infinite.
+    """
+    return f"{json.dumps(content, indent=2, allow_nan=False)}\n".encode()
+
+
 def write_json(path: Path, content: Mapping[str, Any]) -> None:
-    """Write a mapping as strict JSON, without NaN, with `write_text`."""
-    write_text(path, json.dumps(content, indent=2, allow_nan=False) + "\n")
+    """Write a mapping as strict JSON, which appears complete or not at all.
+
+    Raises:
+        OSError: See `open_atomic`.
+        ValueError: See `encode_json`.
+    """
+    write_files(path.parent, {path.name: encode_json(content)})
 
 
 def read_regular_file(path: Path, max_bytes: int) -> bytes:

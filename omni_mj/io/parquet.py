@@ -24,7 +24,8 @@ if TYPE_CHECKING:
 ROWS_PER_GROUP = 20_000
 VALUE_BYTES = 8  # of a number in memory
 # A larger table must not need more than this multiple of its file: a few bytes may stand for 1e9
-# equal values. Trajectories of robots that rest need up to 60 times their files.
+# equal values. The trajectory of 30 robots that rest for 60 s without noise needs 257 times its
+# file.
 SMALL_BYTES, MAX_EXPANSION = 64_000_000, 1000
 MAX_COLUMNS = 10_000
 

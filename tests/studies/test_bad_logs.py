@@ -213,6 +213,32 @@ def test_wheels_that_a_logger_repeats_are_interpolated(
     assert np.abs(held).max() > 0.3
 
 
+def test_coarse_times_are_restored_or_named(tmp_path: Path) -> None:
+    """Rounded even times are known to a tenth of a step. Times of a log with losses are not."""
+    log = complete_log()
+    is_seen = np.random.default_rng(0).random(180) < 0.9
+    for step, is_even in ((0.005, True), (0.01, True), (0.05, True), (0.01, False)):
+        lines = np.full(180, True) if is_even else is_seen
+        columns = {name: values[lines] for name, values in log.items()}
+        columns["time_s"] = np.round(columns["time_s"] / step) * step
+        (read,) = read_logs(write_parquet(tmp_path / "log.parquet", columns))
+        assert f"times in steps of {step:g} s" in read.remarks[0]
+        errors = np.abs(read.time - log["time_s"][lines])
+        assert (errors.max() < 0.1 * step) == is_even
+
+
+def test_held_commands_and_coarse_wheels_are_named(tmp_path: Path) -> None:
+    log = short_log()
+    (read,) = read_logs(write_parquet(tmp_path / "log.parquet", log))
+    assert not read.remarks
+    held = {name: log[name][np.arange(180) // 3 * 3] for name in COMMAND}
+    (read,) = read_logs(write_parquet(tmp_path / "log.parquet", log | held))
+    assert "commands change every 0.05 s" in read.remarks[0]
+    log["wheel_1_rad"] = np.round(log["wheel_1_rad"])
+    with pytest.raises(om.OmniError, match="wheel speeds in steps of 60 rad/s tell too little"):
+        read_logs(write_parquet(tmp_path / "log.parquet", log))
+
+
 def damaged_log(name: str, change: Callable[[Any], Any]) -> Columns:
     return complete_log() | {name: change(complete_log()[name].copy())}
 
@@ -263,6 +289,9 @@ def test_files_that_are_no_tables_give_one_line(tmp_path: Path) -> None:
         (header, "Empty CSV"),
         (f"{header}\n{row}\n", "1 different value in 1 line;"),
         (f"{row}\n{row}\n", "column time_s is missing"),
+        (f"{header},{'x' * 100_000}\n{row},0\n", "names of columns need more than 100000 bytes"),
+        (f"{header}\n{row}{'0' * 2**22}\n{row}\n", "a line is longer than 1048576 bytes"),
+        (f"{header}\n{row}" + 5_000_001 * "\n", "5000002 lines are too many; at most 5000000"),
         ("x [mm]\n0\n", "column time_s is missing"),
         (f"{header}\n{row}\n1,2\n", "Expected 7 columns, got 2"),
         (f"{header},x_m\n{row},0\n", "column x_m is there twice"),

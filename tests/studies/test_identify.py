@@ -75,13 +75,28 @@ def test_commands_alone_identify_creep(tmp_path: Path) -> None:
     assert result.estimates["commands.creep_stiffness"].value == pytest.approx(3.0, rel=0.1)
 
 
-def test_unmodeled_motion_is_a_misfit(tmp_path: Path) -> None:
-    """The robot oscillates by 12 mm at 1.1 Hz, which is 0.6 m/s^2."""
+@pytest.mark.parametrize("step_rad", [1e-6, 0.1])
+def test_unmodeled_motion_is_a_misfit(step_rad: float, tmp_path: Path) -> None:
+    """The robot oscillates by 12 mm at 1.1 Hz, which is 0.6 m/s^2, or the log may be too coarse."""
     log = make_log(commands=False)
-    result = identify_log(
-        log | {"x_m": log["x_m"] + 0.012 * np.sin(2 * np.pi * 1.1 * log["time_s"])}, tmp_path
-    )
+    log["x_m"] += 0.012 * np.sin(2 * np.pi * 1.1 * log["time_s"])
+    log |= {name: np.round(log[name] / step_rad) * step_rad for name in WHEELS}
+    result = identify_log(log, tmp_path)
     assert any("lacks a property" in line for line in result.misfits)
+    assert all(("too coarse" in line) == (step_rad == 0.1) for line in result.misfits)
+
+
+def test_a_folder_with_numbers_is_complete(tmp_path: Path) -> None:
+    """Nothing is written for NaN, and numbers not before the robot's file."""
+    start = om.load_scenario("rect")
+    estimate = Estimate("arm_m", "wheels", 0.08, np.nan, np.nan, np.nan, None, True)
+    with pytest.raises(ValueError, match="not JSON compliant"):
+        IdentificationResult(start, [], {"wheels.arm_m": estimate}).save(tmp_path)
+    assert not list(tmp_path.iterdir())
+    (tmp_path / "robot.toml").mkdir()
+    with pytest.raises(OSError, match=r"robot\.toml"):
+        IdentificationResult(start, []).save(tmp_path)
+    assert [path.name for path in tmp_path.iterdir()] == ["robot.toml"]
 
 
 def test_slow_motion_does_not_identify_creep(tmp_path: Path) -> None:

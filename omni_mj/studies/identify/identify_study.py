@@ -19,7 +19,7 @@ from omni_control.arguments import check_types
 from omni_control.kinematics import Array, Kinematics, world_to_body
 from omni_mj.config import robot_files, toml_files
 from omni_mj.config.scenario import Scenario, load_scenario
-from omni_mj.io.atomic_files import write_files, write_json, write_text
+from omni_mj.io.atomic_files import encode_json, write_files
 from omni_mj.results.text_table import DASH, Table, format_table
 from omni_mj.studies.identify import robot_file_writer
 from omni_mj.studies.identify.cross_validation import Prediction, cross_validate
@@ -68,6 +68,7 @@ class IdentificationResult:
         fits: Fits by source of the inputs: "wheels" and "commands".
         predictions: Tests of the fits, by source; None without enough motion.
         remarks: Remarks for the user, one line each.
+        has_coarse_logs: Whether some of them are about coarse times or inputs of a log.
     """
 
     start: Scenario
@@ -76,15 +77,17 @@ class IdentificationResult:
     fits: dict[str, Fit] = field(default_factory=dict)
     predictions: dict[str, Prediction | None] = field(default_factory=dict)
     remarks: list[str] = field(default_factory=list)
+    has_coarse_logs: bool = False
 
     @property
     def misfits(self) -> list[str]:
         """Messages about residuals that the model cannot explain, one line each."""
+        coarse = ", or the log is too coarse (see the notes)" if self.has_coarse_logs else ""
         return [
             f"motion by {source}: persistent residuals of {quantity} are "
             f"{1e3 * residuals.persistent:.2f} (mm or mrad), but at most "
             f"{1e3 * residuals.allowed:g} for robots that the model describes: it lacks a property "
-            "of this one"
+            f"of this one{coarse}"
             for source, fit in self.fits.items()
             for quantity, residuals in fit.residuals.items()
             if residuals.misfit
@@ -154,21 +157,25 @@ class IdentificationResult:
         }
 
     def save(self, folder: Path) -> None:
-        """Write identify.json and robot.toml, and copies of a custom model's files to model/."""
+        """Write robot.toml and identify.json, and copies of a custom model's files to model/.
+
+        The last file is identify.json, so a folder that has it is complete.
+        """
+        report = encode_json(self.report())
         trusted_sources = [
             source
             for source, prediction in self.predictions.items()
             if prediction and prediction.fitted_m < prediction.start_m
         ]
         changes = robot_file_writer.list_changes(self.estimates, trusted_sources)
+        files = dict[str, bytes]()
         if model := self.start.settings.model.file:
             contents = robot_files.read_model_files(Path(model))
-            write_files(folder / "model", contents)
-            changes["model.file"] = json.dumps(f"model/{next(iter(contents))}")
+            files |= {f"model/{name}": content for name, content in contents.items()}
+            changes["model.file"] = json.dumps(next(iter(files)))
         start = toml_files.decode_utf8(robot_files.find_robot_file(self.start.robot).read_bytes())
         robot_file = robot_file_writer.apply_changes(start, changes, self.logs)
-        write_text(folder / "robot.toml", robot_file)
-        write_json(folder / "identify.json", self.report())
+        write_files(folder, files | {"robot.toml": robot_file.encode(), "identify.json": report})
 
 
 @check_types
@@ -201,7 +208,8 @@ def identify_logs(logs: Sequence[RobotLog], start: Scenario) -> IdentificationRe
     for log in logs:
         explained_log, remarks = discard_unexplained_poses(log, geometry)
         explained_logs.append(explained_log)
-        result.remarks += remarks
+        result.remarks += [*log.remarks, *remarks]
+        result.has_coarse_logs |= bool(log.remarks)
     for source in ("wheels", "commands"):
         if logs_with_source := [log for log in explained_logs if source in log.inputs]:
             _add_fit(result, source, logs_with_source)

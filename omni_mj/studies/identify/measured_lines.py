@@ -12,6 +12,7 @@ from omni_control.kinematics import Array
 # measured again. It is 1 at a constant speed, and the number of repetitions if it was not.
 MAX_JUMP_RATIO = 1.5
 MIN_MOTION_STEPS = 4
+MAX_ROUNDING = 1.2  # range of rounding errors of times in steps, with the error of a fitted line
 ROUNDING = 1e-9  # smaller relative differences of values are errors of rounding
 
 
@@ -69,3 +70,10 @@ def interpolate_measurements(time: Array, values: Array, steps: Array) -> Array:
         is_measured = find_measured_lines(column[:, None], np.array([step]))
         columns.append(np.interp(time, time[is_measured], column[is_measured], np.nan, np.nan))
     return np.column_stack(columns)
+
+
+def restore_even_times(time: Array, step: float) -> Array:
+    """Return evenly spaced times (F,) if rounding them to a step can give these times, or these."""
+    lines = np.arange(len(time))
+    even_times = np.polynomial.Polynomial.fit(lines, time, 1)(lines)
+    return np.where(np.ptp(even_times - time) <= MAX_ROUNDING * step, even_times, time)

@@ -8,8 +8,8 @@ a separate log.
 import csv
 import os
 import re
-from collections.abc import Collection, Iterable, Iterator, Sequence
-from contextlib import contextmanager, suppress
+from collections.abc import Collection, Iterable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import NamedTuple
@@ -20,7 +20,7 @@ import pyarrow.compute as pc
 import pyarrow.csv
 from scipy.interpolate import BSpline, make_interp_spline
 
-from omni_control.errors import OmniError, list_first, suggest_names, to_printable
+from omni_control.errors import MAX_LINE_LENGTH, OmniError, list_first, suggest_names, to_printable
 from omni_control.kinematics import Array
 from omni_mj.config import toml_files
 from omni_mj.io import parquet
@@ -31,6 +31,7 @@ from omni_mj.studies.identify.measured_lines import (
     find_measured_lines,
     find_step,
     interpolate_measurements,
+    restore_even_times,
 )
 
 Columns = dict[str, np.ndarray]
@@ -78,8 +79,11 @@ MAX_HEADER_LINES, MAX_HEADER_BYTES = 50, 100_000  # at the start of a file, with
 MAX_NAME_LENGTH = 100  # of a column that is read
 BLOCK_BYTES = 1 << 20  # of a CSV file, which Arrow reads at once; a line must be shorter
 MIN_LINES, MAX_LINES = 30, 5_000_000
-MAX_STEPS = {"positions": (0.1, "m"), "headings": (0.2, "rad")}  # of measured poses
+MAX_STEPS = {"positions": (0.1, "m"), "headings": (0.2, "rad"), "wheel speeds": (10.0, "rad/s")}
+# Values in larger steps, and inputs that are held for more lines, get a remark.
+FINE_TIME_STEP_S, FINE_SPEED_STEP_RAD_S, MAX_HOLD = 2e-3, 2.0, 1.5
 FINE_STEP_M = 1e-4  # of positions in finer steps, an exact repetition is never a measurement
+COARSE = "; finer ones give better results"
 MAX_WRAPPED_RAD = 2 * np.pi + 0.01  # range of wheel angles within one turn, rounded
 MAX_UNWRAPPED_RAD = 2.5  # change from line to line; from pi on, the direction is ambiguous
 MAX_GAP_PERIODS = 3.5  # a longer gap splits a log
@@ -98,6 +102,7 @@ class RobotLog:
             next, (F, W) rad/s. "commands": twists that act until the next line, (F, 3).
         in_body: Whether commands are in the body frame.
         pose_steps: Steps of measured poses in m, m and rad, (3,); see `find_step`.
+        remarks: Remarks about coarse times and inputs, one line each.
     """
 
     name: str
@@ -106,6 +111,16 @@ class RobotLog:
     inputs: dict[str, Array]
     in_body: bool
     pose_steps: Array = field(default_factory=lambda: np.zeros(3))
+    remarks: tuple[str, ...] = ()
+
+    def select(self, lines: np.ndarray | list[int]) -> "RobotLog":
+        """Return the log with some of its lines, given by numbers or as a mask."""
+        inputs = {source: values[lines] for source, values in self.inputs.items()}
+        return replace(self, time=self.time[lines], pose=self.pose[lines], inputs=inputs)
+
+    def add_remark(self, remark: str) -> "RobotLog":
+        """Return the log with another remark."""
+        return replace(self, remarks=(*self.remarks, f"{self.name}: {remark}"))
 
 
 class Source(NamedTuple):
@@ -128,12 +143,14 @@ class CsvHeader(NamedTuple):
         n_lines: Number of lines of the file.
         line: Number of the line with the names, from 0.
         separator: Separator of columns.
+        decimal_point: Decimal separator of numbers.
     """
 
     names: Sequence[str]
     n_lines: int
     line: int
     separator: str
+    decimal_point: str
 
 
 def read_logs(file: Path | str) -> list[RobotLog]:
@@ -152,21 +169,21 @@ def read_logs(file: Path | str) -> list[RobotLog]:
         pose[columns["vision_valid"] != 1] = np.nan
     sources = {"wheels": wheels, "commands": command}
     inputs = {source: _stack_columns(columns, names) for source, names in sources.items() if names}
+    all_robots = RobotLog(path.name, columns["time_s"], pose, inputs, command == BODY_COMMANDS)
     logs = []
     for robot, lines in _group_lines(columns).items():
-        name = f"{path.name} ({robot})" if robot else path.name
+        log = all_robots.select(lines)
+        if robot:
+            log = replace(log, name=f"{path.name} ({robot})")
         # A drive of external robots has columns for wheels, without values.
-        robot_inputs = {
-            source: values[lines]
-            for source, values in inputs.items()
-            if not np.isnan(values[lines]).all()
+        known_inputs = {
+            source: values for source, values in log.inputs.items() if not np.isnan(values).all()
         }
-        if not robot_inputs:
-            raise OmniError(f"{name}: {' and '.join(inputs)} have no values; give {INPUTS_TEXT}")
-        log = RobotLog(
-            name, columns["time_s"][lines], pose[lines], robot_inputs, command == BODY_COMMANDS
-        )
-        logs.append(_clean(log, is_angle))
+        if not known_inputs:
+            raise OmniError(
+                f"{log.name}: {' and '.join(inputs)} have no values; give {INPUTS_TEXT}"
+            )
+        logs.append(_clean(replace(log, inputs=known_inputs), is_angle))
     return logs
 
 
@@ -222,40 +239,61 @@ def _clean(log: RobotLog, is_angle: bool) -> RobotLog:
         is_angle: Whether it has wheel angles.
 
     Raises:
-        OmniError: There are too few lines, times are not valid, or commands are missing.
+        OmniError: There are too few lines, times are not valid, values are too coarse, or inputs
+            are missing.
     """
-    _require_finite(f"{log.name}: time_s is", log.time)
-    decreases = np.diff(log.time) < 0
-    if decreases.any():
-        line = decreases.argmax() + 1
-        raise OmniError(f"{log.name}: time_s does not increase from line {line} to {line + 1}")
-    is_new = np.diff(log.time, prepend=-np.inf) > 0
-    if is_new.sum() < MIN_LINES:
-        raise OmniError(
-            f"{log.name}: time_s has {format_count(int(is_new.sum()), 'different value')} in "
-            f"{format_count(len(log.time), 'line')}; at least {MIN_LINES} are needed"
-        )
-    time, pose = log.time[is_new], log.pose[is_new]
-    _check_period(log.name, float(np.median(np.diff(time))))
-    pose[~np.isfinite(pose)] = np.nan
+    log = _clean_times(log)
+    pose = np.where(np.isfinite(log.pose), log.pose, np.nan)
     steps = np.array([find_step(values) for values in pose.T])
-    _check_steps(log.name, steps)
+    _check_step(log.name, "positions", max(steps[:2]))
+    _check_step(log.name, "headings", steps[2])
     has_heading = np.isfinite(pose[:, 2])
     pose[has_heading, 2] = np.unwrap(pose[has_heading, 2])
     is_measured = find_measured_lines(pose, steps)
     if steps[:2].max() < FINE_STEP_M:
         is_measured[1:] &= (np.diff(pose, axis=0) != 0).any(1)
     pose[~is_measured] = np.nan
-    inputs = {source: values[is_new] for source, values in log.inputs.items()}
-    for source, values in inputs.items():
+    for source, values in log.inputs.items():
         _require_finite(f"{log.name}: {source} are", values)
-    if "wheels" in inputs:
-        inputs["wheels"] = _mean_speeds(log.name, time, inputs["wheels"], is_angle)
-        # A logger that repeats wheels ends after their last measurement.
-        is_known = np.isfinite(inputs["wheels"]).all(1)
-        time, pose = time[is_known], pose[is_known]
-        inputs = {source: values[is_known] for source, values in inputs.items()}
-    return replace(log, time=time, pose=pose, inputs=inputs, pose_steps=steps)
+        change_times = log.time[1:][(np.diff(values, axis=0) != 0).any(1)]
+        intervals = np.diff(change_times)
+        if np.median(intervals if intervals.size else 0) > MAX_HOLD * np.median(np.diff(log.time)):
+            log = log.add_remark(
+                f"{source} change every {np.median(intervals):.2g} s; if the robot had others in "
+                "between, results are biased, such as the dead time by half of that"
+            )
+    log = replace(log, pose=pose, pose_steps=steps)
+    return _compute_mean_speeds(log, is_angle) if "wheels" in log.inputs else log
+
+
+def _clean_times(log: RobotLog) -> RobotLog:
+    """Return a log with increasing times. Evenly spaced times that were rounded are restored.
+
+    Raises:
+        OmniError: Times are missing, decrease, or have another unit; there are too few lines.
+    """
+    _require_finite(f"{log.name}: time_s is", log.time)
+    intervals = np.diff(log.time)
+    if (intervals < 0).any():
+        line = (intervals < 0).argmax() + 1
+        raise OmniError(f"{log.name}: time_s does not increase from line {line} to {line + 1}")
+    has_same_pose = (np.diff(np.nan_to_num(log.pose), axis=0) == 0).all(1)
+    n_times = 1 + int((intervals > 0).sum())
+    if n_times < MIN_LINES:
+        raise OmniError(
+            f"{log.name}: time_s has {format_count(n_times, 'different value')} in "
+            f"{format_count(len(log.time), 'line')}; at least {MIN_LINES} are needed"
+        )
+    log = log.select(np.append(True, (intervals > 0) | ~has_same_pose))
+    intervals = np.diff(log.time, prepend=log.time[0])
+    step = find_step(intervals[intervals <= MAX_PERIOD_S])
+    # Intervals of one step are exact.
+    if step > FINE_TIME_STEP_S and not np.isclose(np.median(intervals), step):
+        log = log.add_remark(f"times in steps of {step:.2g} s{COARSE}")
+    log = replace(log, time=restore_even_times(log.time, step))
+    log = log.select(np.diff(log.time, prepend=-np.inf) > 0)
+    _check_period(log.name, float(np.median(np.diff(log.time))))
+    return log
 
 
 def _check_period(name: str, period: float) -> None:
@@ -278,16 +316,14 @@ def _check_period(name: str, period: float) -> None:
     )
 
 
-def _check_steps(name: str, steps: Array) -> None:
-    """Raise OmniError if the steps of poses (3,) in m, m and rad are too coarse."""
-    for step, (quantity, (max_step, unit)) in zip(
-        (max(steps[:2]), steps[2]), MAX_STEPS.items(), strict=True
-    ):
-        if step > max_step * (1 + ROUNDING):
-            raise OmniError(
-                f"{name}: {quantity} in steps of {step:g} {unit} tell too little; steps of at "
-                f"most {max_step:g} {unit} are needed"
-            )
+def _check_step(name: str, quantity: str, step: float) -> None:
+    """Raise OmniError if the steps of a quantity, a key of `MAX_STEPS`, are too coarse."""
+    max_step, unit = MAX_STEPS[quantity]
+    if step > max_step * (1 + ROUNDING):
+        raise OmniError(
+            f"{name}: {quantity} in steps of {step:.3g} {unit} tell too little; steps of at most "
+            f"{max_step:g} {unit} are needed"
+        )
 
 
 def _require_finite(subject: str, values: Array) -> None:
@@ -333,36 +369,45 @@ def _stack_columns(columns: Columns, names: Sequence[str]) -> Array:
     return np.column_stack([columns[name] for name in names])
 
 
-def _mean_speeds(name: str, time: Array, values: Array, is_angle: bool) -> Array:
-    """Return mean speeds from each line to the next; the last line repeats the previous one.
+def _compute_mean_speeds(log: RobotLog, is_angle: bool) -> RobotLog:
+    """Return a log with mean wheel speeds from each line to the next.
+
+    The last line repeats the previous one. A logger that repeats wheels ends after their last
+    measurement, so the lines after it are left out. Angles of a wheel that all lie within one turn
+    are unwrapped.
 
     Args:
-        name: Name of the log.
-        time: Times of the lines, (F,) s.
-        values: Wheel angles in rad, or wheel speeds in rad/s, (F, W). Angles of a wheel that all
-            lie within one turn are unwrapped.
-        is_angle: Whether the values are angles.
+        log: The log, with wheel angles in rad, or wheel speeds in rad/s.
+        is_angle: Whether it has angles.
 
     Raises:
-        OmniError: Angles within one turn change too fast to be unwrapped.
+        OmniError: Angles within one turn change too fast to be unwrapped, or steps are too coarse.
     """
+    values, time_unit = log.inputs["wheels"], 1.0
     steps = np.array([find_step(column) for column in values.T])
     if is_angle:
+        time_unit = float(np.median(np.diff(log.time)))
         is_wrapped = np.ptp(values, axis=0) <= MAX_WRAPPED_RAD
         values = np.where(is_wrapped, np.unwrap(values, axis=0), values)
         fastest = np.abs(np.diff(values[:, is_wrapped], axis=0)).max(initial=0.0)
         if fastest > MAX_UNWRAPPED_RAD:
             raise OmniError(
-                f"{name}: wheel angles within one turn change by up to {fastest:.2g} rad from "
+                f"{log.name}: wheel angles within one turn change by up to {fastest:.2g} rad from "
                 f"line to line, but at most {MAX_UNWRAPPED_RAD:g} rad are unambiguous; count "
                 "turns, or measure more often"
             )
-    values = interpolate_measurements(time, values, steps)
+    step = float(steps.max()) / time_unit
+    _check_step(log.name, "wheel speeds", step)
+    if step > FINE_SPEED_STEP_RAD_S:
+        log = log.add_remark(f"wheel speeds in steps of {step:.2g} rad/s{COARSE}")
+    values = interpolate_measurements(log.time, values, steps)
     if is_angle:
-        means = np.diff(values, axis=0) / np.diff(time)[:, None]
+        means = np.diff(values, axis=0) / np.diff(log.time)[:, None]
     else:
         means = (values[1:] + values[:-1]) / 2
-    return np.concatenate([means, means[-1:]])
+    speeds = np.concatenate([means, means[-1:]])
+    log = replace(log, inputs=log.inputs | {"wheels": speeds})
+    return log.select(np.isfinite(speeds).all(1))
 
 
 def _read_columns(path: Path) -> Columns:
@@ -379,33 +424,20 @@ def _read_columns(path: Path) -> Columns:
         raise OmniError(f"there is no log {path}")
     try:
         header = _read_csv_header(path) if suffix == ".csv" else parquet.read_header(path)
-        with _prefix_errors(path.name):
-            sources = _find_known_columns(header.names)
-            if header.n_lines > MAX_LINES:
-                raise OmniError(f"{header.n_lines} lines are too many; at most {MAX_LINES}")
+        sources = _find_known_columns(header.names)
+        if header.n_lines > MAX_LINES:
+            raise OmniError(f"{header.n_lines} lines are too many; at most {MAX_LINES}")
         names = [source.name for source in sources.values()]
         if isinstance(header, CsvHeader):
             arrow_table = _read_csv(path, header, names)
         else:
             arrow_table = parquet.read_table(path, names)
-    except (pa.ArrowException, OSError, ValueError, csv.Error) as error:
-        if isinstance(error, OmniError):
-            raise
-        raise OmniError(f"{path} cannot be read: {to_printable(str(error), 200)}") from None
-    with _prefix_errors(path.name):
         return {
             known_name: _to_array(arrow_table[source.name], known_name, source)
             for known_name, source in sources.items()
         }
-
-
-@contextmanager
-def _prefix_errors(name: str) -> Iterator[None]:
-    """Put the name of a file before the messages of errors in the block."""
-    try:
-        yield
-    except OmniError as error:
-        raise OmniError(f"{name}: {error}") from None
+    except (pa.ArrowException, OSError, ValueError, csv.Error) as error:
+        raise OmniError(f"{path.name}: {to_printable(str(error), MAX_LINE_LENGTH)}") from None
 
 
 def _find_known_columns(names: Sequence[str]) -> dict[str, Source]:
@@ -478,49 +510,40 @@ def _read_csv_header(path: Path) -> CsvHeader:
         if len(head) == MAX_HEADER_BYTES:
             raise ValueError(f"its names of columns need more than {MAX_HEADER_BYTES} bytes")
         raise ValueError("Empty CSV file: no line below the names of columns")
-    return CsvHeader(names, n_lines, number, separator)
+    rows = csv.reader(lines[number + 1 :], delimiter=separator)
+    values = [value for row in rows for value in row]
+    decimal_point = max(".,", key=lambda point: sum(point in value for value in values))
+    return CsvHeader(names, n_lines, number, separator, decimal_point)
 
 
 def _read_csv(path: Path, header: CsvHeader, names: Sequence[str]) -> pa.Table:
-    """Read columns of a CSV file.
-
-    The decimal separator is the one with which most columns are numbers.
-    """
+    """Read columns of a CSV file."""
     n_values = header.n_lines * len(names)
     require_memory(path, f"{header.n_lines} lines", path.stat().st_size + 8 * n_values)
-    arrow_tables = []
-    for decimal_point in ".,":
-        with pa.OSFile(os.fsencode(path)) as file:  # as in `omni_mj.io.parquet`
-            try:
-                arrow_table = pa.csv.read_csv(
-                    file,
-                    read_options=pa.csv.ReadOptions(
-                        skip_rows=header.line + 1,
-                        column_names=header.names,
-                        block_size=BLOCK_BYTES,
-                        use_threads=False,
-                    ),
-                    parse_options=pa.csv.ParseOptions(delimiter=header.separator),
-                    convert_options=pa.csv.ConvertOptions(
-                        decimal_point=decimal_point, include_columns=names
-                    ),
-                )
-            except pa.ArrowInvalid as error:
-                if "straddl" in str(error):
-                    raise ValueError(f"a line is longer than {BLOCK_BYTES} bytes") from None
-                raise
-        arrow_tables.append(arrow_table)
-    return max(arrow_tables, key=_count_number_columns)
+    with pa.OSFile(os.fsencode(path)) as file:  # as in `omni_mj.io.parquet`
+        try:
+            return pa.csv.read_csv(
+                file,
+                read_options=pa.csv.ReadOptions(
+                    skip_rows=header.line + 1,
+                    column_names=header.names,
+                    block_size=BLOCK_BYTES,
+                    use_threads=False,
+                ),
+                parse_options=pa.csv.ParseOptions(delimiter=header.separator),
+                convert_options=pa.csv.ConvertOptions(
+                    decimal_point=header.decimal_point, include_columns=names
+                ),
+            )
+        except pa.ArrowInvalid as error:
+            if "straddl" in str(error):
+                raise ValueError(f"a line is longer than {BLOCK_BYTES} bytes") from None
+            raise
 
 
 def _count_known_names(names: Iterable[str]) -> int:
     """Return how many names are those of columns that `identify` reads."""
     return sum(KNOWN_COLUMN.fullmatch(_normalize_name(name)[0]) is not None for name in names)
-
-
-def _count_number_columns(arrow_table: pa.Table) -> int:
-    """Return the number of columns that do not hold texts."""
-    return sum(not pa.types.is_string(field.type) for field in arrow_table.schema)
 
 
 def _to_array(column: pa.ChunkedArray, name: str, source: Source) -> np.ndarray:
