@@ -285,11 +285,11 @@ def test_invalid_columns_give_one_line(tmp_path: Path) -> None:
 def test_files_that_are_no_tables_give_one_line(tmp_path: Path) -> None:
     header, row = ",".join(LOG_COLUMNS), "0,0,0,0,0,0,0"
     for content, message in (
-        ("", "Empty CSV"),
-        (header, "Empty CSV"),
+        ("", "no line below the names"),
+        (header, "no line below the names"),
         (f"{header}\n{row}\n", "1 different value in 1 line;"),
         (f"{row}\n{row}\n", "column time_s is missing"),
-        (f"{header},{'x' * 100_000}\n{row},0\n", "names of columns need more than 100000 bytes"),
+        (f"{header},{'x' * 100_000}\n{row},0\n", "in the first 100000 bytes"),
         (f"{header}\n{row}{'0' * 2**22}\n{row}\n", "a line is longer than 1048576 bytes"),
         (f"{header}\n{row}" + 5_000_001 * "\n", "5000002 lines are too many; at most 5000000"),
         ("x [mm]\n0\n", "column time_s is missing"),

@@ -44,12 +44,7 @@ BODY_COMMANDS = ("vx_cmd_body_m_s", "vy_cmd_body_m_s", "w_cmd_rad_s")
 WHEEL_PATTERNS = ("wheel_{}_rad", "wheel_angle_{}_rad", "wheel_{}_rad_s")
 ROBOT_COLUMNS = ("controller", "seed", "slot")
 DATE_COLUMNS = ("time", "timestamp")  # read as time_s if they hold dates
-DATE_TYPES = (
-    pa.timestamp("ns"),
-    pa.timestamp("ns", "UTC"),
-    pa.time64("ns"),
-    pa.duration("ns"),
-)
+DATE_TYPES = (pa.timestamp("ns"), pa.timestamp("ns", "UTC"), pa.duration("ns"))
 INPUTS_TEXT = (
     f"commands ({', '.join(WORLD_COMMANDS)}; or {', '.join(BODY_COMMANDS)}) or wheels "
     "(wheel_1_rad or wheel_1_rad_s, ...)"
@@ -82,8 +77,8 @@ MIN_LINES, MAX_LINES = 30, 5_000_000
 MAX_STEPS = {"positions": (0.1, "m"), "headings": (0.2, "rad"), "wheel speeds": (10.0, "rad/s")}
 # Values in larger steps, and inputs that are held for more lines, get a remark.
 FINE_TIME_STEP_S, FINE_SPEED_STEP_RAD_S, MAX_HOLD = 2e-3, 2.0, 1.5
-FINE_STEP_M = 1e-4  # of positions in finer steps, an exact repetition is never a measurement
 COARSE = "; finer ones give better results"
+FINE_STEP_M = 1e-4  # of positions in finer steps, an exact repetition is never a measurement
 MAX_WRAPPED_RAD = 2 * np.pi + 0.01  # range of wheel angles within one turn, rounded
 MAX_UNWRAPPED_RAD = 2.5  # change from line to line; from pi on, the direction is ambiguous
 MAX_GAP_PERIODS = 3.5  # a longer gap splits a log
@@ -259,8 +254,8 @@ def _clean(log: RobotLog, is_angle: bool) -> RobotLog:
         intervals = np.diff(change_times)
         if np.median(intervals if intervals.size else 0) > MAX_HOLD * np.median(np.diff(log.time)):
             log = log.add_remark(
-                f"{source} change every {np.median(intervals):.2g} s; if the robot had others in "
-                "between, results are biased, such as the dead time by half of that"
+                f"{source} change every {np.median(intervals):.2g} s; delays are uncertain by half "
+                "of that if the log lacks values"
             )
     log = replace(log, pose=pose, pose_steps=steps)
     return _compute_mean_speeds(log, is_angle) if "wheels" in log.inputs else log
@@ -507,9 +502,9 @@ def _read_csv_header(path: Path) -> CsvHeader:
     ]
     number, separator, names = max(choices, key=lambda choice: _count_known_names(choice[2]))
     if not any(lines[number + 1 :]):
-        if len(head) == MAX_HEADER_BYTES:
-            raise ValueError(f"its names of columns need more than {MAX_HEADER_BYTES} bytes")
-        raise ValueError("Empty CSV file: no line below the names of columns")
+        raise ValueError(
+            f"no line below the names of columns in the first {MAX_HEADER_BYTES} bytes"
+        )
     rows = csv.reader(lines[number + 1 :], delimiter=separator)
     values = [value for row in rows for value in row]
     decimal_point = max(".,", key=lambda point: sum(point in value for value in values))
