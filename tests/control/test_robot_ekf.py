@@ -139,8 +139,7 @@ def identify(robots: CreepingPlant, frames: int, rest_frames: int = 0) -> RobotE
     commands *= np.minimum(np.arange(frames) / 30, 1)[:, None, None]
     commands[frames - rest_frames :] = 0
     for command in commands:
-        measured = robots.pose + NOISE * rng.standard_normal(robots.pose.shape)
-        measured[:, 2] = np.angle(np.exp(1j * measured[:, 2]))
+        measured = to_measured_pose(robots.pose + NOISE * rng.standard_normal((n, 3)))
         ekf.update(make_observation(robots.pose, measured, sent))
         sent.append(command)
         robots.advance(command)
@@ -267,8 +266,7 @@ def test_a_robot_that_is_carried_has_not_driven_there(distance: float) -> None:
     robots = CreepingPlant(np.zeros((1, 3)))
     ekf = identify(robots, 200)
     state = ekf.state.copy()
-    measured = robots.pose + np.array([distance, 0, 0])
-    measured[:, 2] = np.angle(np.exp(1j * measured[:, 2]))
+    measured = to_measured_pose(robots.pose + np.array([distance, 0, 0]))
     ekf.update(make_observation(robots.pose, measured, CommandHistory(1, ekf.memory_frames)))
     np.testing.assert_allclose(ekf.state[0, :2], measured[0, :2], rtol=0, atol=1e-6)
     np.testing.assert_allclose(ekf.state[0, 9:], state[0, 9:], rtol=0.01, atol=0.01)

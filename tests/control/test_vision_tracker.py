@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 
 seeds = st.integers(0, 2**32 - 1)
 NAMES = ("pose", "twist", "drift", "sigma", "normalized_innovation")
+TRANSITION = np.array([[1, T], [0, np.exp(-T / DRIFT_TIME_S)]])
 
 
 def run_filter(measured: Array, displacement: Array, start: Array) -> dict[str, Array]:
@@ -26,7 +27,7 @@ def run_textbook_filter(
     measured: Array, displacement: Array, start: float, noise: float, drift_noise: float
 ) -> dict[str, Array]:
     """Return the same of one axis by matrices: predict, then correct in Joseph's form."""
-    f, h = np.array([[1, T], [0, np.exp(-T / DRIFT_TIME_S)]]), np.array([[1.0, 0.0]])
+    f, h = TRANSITION, np.array([[1.0, 0.0]])
     x, p = np.array([start, 0.0]), np.diag([noise**2, 0.0])
     record = []
     for z, q in zip(measured, displacement, strict=True):
@@ -53,7 +54,7 @@ def test_a_late_measurement_corrects_as_in_the_textbook(seed: int, offset: float
     """
     rng = np.random.default_rng(seed)
     q, moved = rng.uniform(-0.03, 0.03, (2, 8)) * [[1], [offset / T]]
-    f, h = np.array([[1, T], [0, np.exp(-T / DRIFT_TIME_S)]]), np.array([[1.0, offset]])
+    f, h = TRANSITION, np.array([[1.0, offset]])
     x, p, noise = np.zeros(2), np.diag([NOISE[0] ** 2, 0.0]), NOISE[0]
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(vision_filter, "SCALE_BOUNDS", (1.0, 1.0))

@@ -7,6 +7,7 @@ from benches.plant import (
     COM_HEIGHT_M,
     CONTACTS,
     GRAVITY,
+    LOSSLESS,
     MASS_KG,
     OUTWARD,
     RADIUS_M,
@@ -31,11 +32,9 @@ TWISTS = np.array([[1.5, 0, 0], [0, 1.5, 0], [1.0, 1.0, 0]])
 
 def free(stiffness: float = STIFFNESS, **sections: dict[str, object]) -> Settings:
     """Return settings without drag and losses."""
-    no_friction = {"roller_friction": 0.0, "gear_friction_nm": 0.0, "roller_damping_nm_s": 0.0}
-    lossless = no_friction | {"gear_efficiency": 1.0}
     return noiseless(
         carpet={"rolling_resistance": 0.0},
-        drivetrain=lossless | {"creep_stiffness": stiffness}, firmware=STIFF,
+        drivetrain=LOSSLESS | {"creep_stiffness": stiffness}, firmware=STIFF,
         battery={"resistance_ohm": 0.0}, **sections,
     )  # fmt: skip
 

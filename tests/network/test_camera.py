@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from benches.camera_and_radio import FRAME_S, make_fault, measure_poses
+from benches.camera_and_radio import FRAME_S, SHARP, make_fault, measure_poses
 from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
@@ -16,7 +16,6 @@ import omni_mj as om
 FRAMES = 10_000
 SIGMAS = 5  # of an estimate's own spread
 TWIST = np.array([0.6, -1.2, 2.0])
-SHARP = {"position_noise_m": 0.0, "heading_noise_rad": 0.0, "miss_probability": 0.0}
 NOISY = {"position_noise_m": 0.01, "heading_noise_rad": 0.02, "miss_probability": 0.1}
 
 

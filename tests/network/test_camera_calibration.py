@@ -2,13 +2,12 @@
 
 import numpy as np
 import pytest
-from benches.camera_and_radio import FRAME_S, measure_poses
+from benches.camera_and_radio import FRAME_S, SHARP, measure_poses
 from numpy.typing import NDArray
 from scipy import stats
 
 import omni_mj as om
 
-SHARP = {"position_noise_m": 0.0, "heading_noise_rad": 0.0, "miss_probability": 0.0}
 SIGMA, LENGTH = 0.01, 1.5
 CALIBRATION = {**SHARP, "calibration_error_m": SIGMA, "calibration_length_m": LENGTH}
 SEEDS = range(400)

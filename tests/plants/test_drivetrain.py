@@ -4,6 +4,7 @@ import mujoco
 import numpy as np
 import pytest
 from benches.plant import (
+    LOSSLESS,
     RADIUS_M,
     TANGENTS,
     WHEELED_PLANTS,
@@ -21,16 +22,10 @@ from omni_mj.mjcf.robot_builder import build_robot_spec
 FORWARD = (1.0, 0.0, 0.0)
 ROLL_OUT_DRAG_N = 2.7  # of the robot ssl-a-team, forward
 STANDING = constant((0, 0, 0), 10, 2)
-LOSSLESS = noiseless(
+IDEAL = noiseless(
     wheels={"model": "two-rollers"},
     carpet={"rolling_resistance": 0.0},
-    drivetrain={
-        "roller_friction": 0.0,
-        "gear_friction_nm": 0.0,
-        "roller_damping_nm_s": 0.0,
-        "creep_stiffness": 1000.0,
-        "gear_efficiency": 1.0,
-    },
+    drivetrain=LOSSLESS | {"creep_stiffness": 1000.0},
     motor={"dry_friction_fraction": 0.0, "no_load_current_a": 0.0, "torque_factor": 1.0},
 )
 
@@ -52,7 +47,7 @@ def test_a_weak_motor_passes_less_in_both_directions_and_a_gear_rubs_in_both(
     2 % and 4 %: rollers are spun up, and carpet is compressed, in proportion to the speed, which is
     higher without losses.
     """
-    plant = plant_of([LOSSLESS, LOSSLESS.replace(**lossy)])
+    plant = plant_of([IDEAL, IDEAL.replace(**lossy)])
     currents = np.sign(TANGENTS[:, 0]) * np.ones((2, 1))
     plant.set_motor_currents(currents)
     drive(plant, STANDING)
@@ -107,9 +102,7 @@ def test_acceleration_triangles_of_ssl_a_team_are_not_exceeded(plant_of: PlantOf
 @WHEELED_PLANTS
 def test_cruising_needs_more_current_the_lower_the_efficiency(plant_of: PlantOf) -> None:
     """The force of the motors is that of rolling resistance over the efficiency."""
-    lossy = LOSSLESS.replace(
-        drivetrain={"gear_efficiency": 0.6}, carpet={"rolling_resistance": 0.1}
-    )
+    lossy = IDEAL.replace(drivetrain={"gear_efficiency": 0.6}, carpet={"rolling_resistance": 0.1})
     plant = plant_of([lossy, lossy.replace(drivetrain={"gear_efficiency": 1.0})])
     drive(plant, constant(FORWARD, 60, 2))
     currents = np.zeros((2, 4))

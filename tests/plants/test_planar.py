@@ -10,7 +10,9 @@ from benches.plant import (
     ARM_M,
     FRAME_S,
     GRAVITY,
+    LOSSLESS,
     MASS_KG,
+    NO_FRICTION,
     OUTWARD,
     RADIUS_M,
     STIFF,
@@ -37,10 +39,9 @@ from omni_control.kinematics import world_to_body
 from omni_mj.config.resolve import resolve_settings
 
 STIFFNESS = 2.5
-NO_FRICTION = {"roller_friction": 0.0, "gear_friction_nm": 0.0, "roller_damping_nm_s": 0.0}
 FREE: dict[str, Any] = {
     "carpet": {"rolling_resistance": 0.0},
-    "drivetrain": NO_FRICTION | {"creep_stiffness": STIFFNESS, "gear_efficiency": 1.0},
+    "drivetrain": LOSSLESS | {"creep_stiffness": STIFFNESS},
     "firmware": STIFF,
     "battery": {"resistance_ohm": 0.0},
     "motor": {"no_load_current_a": 0.0},

@@ -15,6 +15,10 @@ from omni_mj.simulation.log import Log
 
 SHORT = {"waypoints": [[0, 0, 0], [0.5, 0.3, 0.5]], "settle_s": 0.2}
 REST = SHORT | {"initial_rest_s": 0.2}
+NOISELESS = {
+    "vision": {"position_noise_m": 0.0, "heading_noise_rad": 0.0},
+    "sensors": {"gyro_noise_rad_s": 0.0, "gyro_bias_rad_s": 0.0},
+}
 CONTROLLERS = ("flc", "adaptive-comp-flc")
 N_FRAMES = 20
 STILL = """
@@ -147,8 +151,7 @@ def test_a_button_gives_a_run_with_that_fault(
 ) -> None:
     """Bit for bit: robots without faults so far get what processors and encoders need for them."""
     start_frame = 10  # the robots rest, so that their left is 90 degrees from the x axis
-    calm = {"vision": {"position_noise_m": 0.0, "heading_noise_rad": 0.0}, "reference": REST}
-    calm["sensors"] = {"gyro_noise_rad_s": 0.0, "gyro_bias_rad_s": 0.0}
+    calm = NOISELESS | {"reference": REST}
     played = session(plant, **calm)
     play(played, start_frame)
     press(played)
@@ -162,12 +165,12 @@ def test_errors_grow_with_the_dead_time_of_driving_robots() -> None:
     circle = scenario("kinematic", reference={"shape": "circle", "laps": 3})
     played = PlaySession(circle, ("flc", "comp-flc"))
     play(played, 60)
-    before = np.array([snapshot.error_m for snapshot in play(played, 60)]).mean(0)
+    before = np.mean([snapshot.error_m for snapshot in play(played, 60)], axis=0)
     last = played.snapshot
     assert played.change("radio.delay_frames", 30)
     assert np.abs(played.advance().pose - last.pose)[:, :2].max() < 0.05
     play(played, 40)
-    after = np.array([snapshot.error_m for snapshot in play(played, 60)]).mean(0)
+    after = np.mean([snapshot.error_m for snapshot in play(played, 60)], axis=0)
     assert (after > 2 * before).all()
     assert after[1] < after[0]
 
@@ -378,9 +381,7 @@ def test_controllers_drop_out_with_their_parameters(tmp_path: Path) -> None:
 def test_a_longer_dead_time_does_not_confuse_the_gyro_of_a_turning_robot() -> None:
     """Headings by vision are now older than the firmware remembered until then."""
     spin = {"waypoints": [[0, 0, 0], [0, 0, 6]], "max_turn_rate_rad_s": 6.0}
-    exact = {"vision": {"heading_noise_rad": 0.0}}
-    exact["sensors"] = {"gyro_noise_rad_s": 0.0, "gyro_bias_rad_s": 0.0}
-    played = PlaySession(scenario(reference=spin, **exact), ("flc",))
+    played = PlaySession(scenario(reference=spin, **NOISELESS), ("flc",))
     play(played, 40)
     assert abs(played.snapshot.command[0, 2]) > 2
     assert played.change("radio.delay_frames", 20)

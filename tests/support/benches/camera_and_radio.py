@@ -12,6 +12,8 @@ from omni_mj.network.camera import Cameras
 from omni_mj.network.radio import Radio
 
 FRAME_S = 1 / 60
+# Vision without noise
+SHARP = {"position_noise_m": 0.0, "heading_noise_rad": 0.0, "miss_probability": 0.0}
 Fault = dict[str, Any]
 
 

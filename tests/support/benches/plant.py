@@ -24,9 +24,9 @@ ROLLER_RADIUS_M, ROLLERS = _SETTINGS.wheels.roller_radius_m, _SETTINGS.wheels.ro
 GRAVITY = 9.81
 # Positions of the wheels' contacts, and directions in which positive wheel speeds drive the robot,
 # body frame (equation 3)
-CONTACTS = ARM_M * np.stack([np.cos(AZIMUTHS), np.sin(AZIMUTHS)], axis=1)
-TANGENTS = np.stack([-np.sin(AZIMUTHS), np.cos(AZIMUTHS)], axis=1)
 OUTWARD = np.stack([np.cos(AZIMUTHS), np.sin(AZIMUTHS)], axis=1)
+CONTACTS = ARM_M * OUTWARD
+TANGENTS = np.stack([-np.sin(AZIMUTHS), np.cos(AZIMUTHS)], axis=1)
 
 PlantOf = Callable[[list[Settings]], Any]  # makes robots, one for each of the settings
 FRAME_S = 1 / 60
@@ -36,6 +36,9 @@ ROBOT = "tigers-v2016"
 # per cycle and volt, and its encoder is a cycle late. With 1 V s/rad in place of 0.4, currents
 # oscillate by 2 A at rest and by 6 A in motion.
 STIFF = {"kp": 0.4, "ki": 20.0, "turn_rate_gain": 0.0}
+# Wheels without losses
+NO_FRICTION = {"roller_friction": 0.0, "gear_friction_nm": 0.0, "roller_damping_nm_s": 0.0}
+LOSSLESS = NO_FRICTION | {"gear_efficiency": 1.0}
 
 
 def with_settings(**sections: dict[str, Any]) -> Settings:
