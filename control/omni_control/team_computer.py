@@ -321,9 +321,8 @@ class Team:
     def _find_target_reference(self, robot: int) -> tuple[TargetReference, int]:
         """Return the reference of a robot that takes targets, and the robot's row in it."""
         index = as_robot_indices(robot, self.n)[0]
-        all_robots = np.arange(self.n)
-        for controller, selection in zip(self.controllers, self.robot_indices, strict=True):
-            is_robot = all_robots[selection] == index
+        for controller, indices in zip(self.controllers, self.robot_indices, strict=True):
+            is_robot = indices == index
             if is_robot.any():
                 reference, row = controller.reference, int(is_robot.argmax())
         if not isinstance(reference, TargetReference):
@@ -339,7 +338,7 @@ class Team:
         selection = observation.select(
             indices, self._memory_frames[i], controller.model.delay_frames
         )
-        robots, name = np.arange(self.n)[indices], type(controller).__name__
+        name = type(controller).__name__
         try:
             commands = np.asarray(controller.command(self.frame, selection))
             if commands.shape != selection.pose.shape or commands.dtype.kind == "c":
@@ -353,13 +352,13 @@ class Team:
             description = describe_error(type(controller), error)
             failure = ControllerError(f"{name} failed in frame {self.frame}{description}")
             failure.__cause__ = error
-            self._fail(robots, failure)
-            return np.zeros((len(robots), 3))
+            self._fail(indices, failure)
+            return np.zeros((len(indices), 3))
         is_finite = np.isfinite(commands)
         if np.count_nonzero(is_finite) < is_finite.size:
             is_invalid = np.asarray(~is_finite.all(1))
             reason = f"{name} returned commands that are not finite in frame {self.frame}"
-            self._fail(robots[is_invalid], ControllerError(reason))
+            self._fail(indices[is_invalid], ControllerError(reason))
             commands = np.where(is_invalid[:, None], 0.0, commands)
         return commands
 
@@ -389,10 +388,8 @@ class Team:
 
 def _assign_robots(
     sizes: list[int], robot_indices: Sequence[ArrayLike] | None, n: int
-) -> list[RowSelection]:
-    """Return the indices of each controller's robots, as a slice if they are consecutive.
-
-    Indexing by a slice does not copy.
+) -> list[NDArray[np.intp]]:
+    """Return the indices of each controller's robots.
 
     Args:
         sizes: Number of robots of each controller.
@@ -417,9 +414,4 @@ def _assign_robots(
         raise OmniError(
             f"robots 0 to {n - 1} need one controller each, got robot_indices {robot_indices}"
         )
-    return [
-        slice(int(selection[0]), int(selection[-1]) + 1)
-        if (np.diff(selection) == 1).all()
-        else selection
-        for selection in selections
-    ]
+    return selections

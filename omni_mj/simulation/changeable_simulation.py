@@ -152,9 +152,9 @@ class ChangeableSimulation(Simulation):
     def _replace_controllers(self, is_new_reference: bool = False) -> None:
         """Build all controllers anew. References that depend on the past continue."""
         settings = self.scenario.settings
-        team, all_rows = self.team, np.arange(len(self.rows))
+        team = self.team
         references = {  # by the first row of each controller
-            all_rows[indices][0]: controller.reference
+            indices[0]: controller.reference
             for indices, controller in zip(team.robot_indices, team.controllers, strict=True)
         }
         limits = reference_factory.build_motion_limits(settings.reference)

@@ -12,9 +12,10 @@ from pathlib import Path
 from typing import ClassVar
 
 import numpy as np
+from numpy.typing import NDArray
 
 from omni_control.arguments import explain_types, fits_annotation
-from omni_control.delay_compensation import CommandHistory, RowSelection, predict_displacement
+from omni_control.delay_compensation import CommandHistory, predict_displacement
 from omni_control.errors import OmniError, format_value, to_printable
 from omni_control.estimation.delayed_measurements import FilterStep
 from omni_control.kinematics import Array, Kinematics, wrap_angle
@@ -133,13 +134,13 @@ class Observation:
     filter_steps: tuple[FilterStep, ...] = ()
 
     def select(
-        self, rows: RowSelection, n_commands: int, delay_frames: float | Array
+        self, rows: NDArray[np.intp], n_commands: int, delay_frames: float | Array
     ) -> "Observation":
         """Return a copy for some robots, with their dead time and their latest sent commands."""
         return Observation(
-            self.pose[rows].copy(),
-            self.twist[rows].copy(),
-            self.measured_pose[rows].copy(),
+            self.pose[rows],
+            self.twist[rows],
+            self.measured_pose[rows],
             self.sent_commands.select(rows, n_commands),
             self.period,
             delay_frames,
