@@ -16,6 +16,7 @@ from commands import invoke
 from serve_client import BLUE, LOOPBACK, YELLOW, Client, local, served
 
 import omni_mj as om
+from omni_mj.live.sockets import MessageCounter
 
 SLACK_S = 0.35  # by which a busy machine may be late in a second, and then catches up
 
@@ -34,6 +35,22 @@ def test_time_goes_as_fast_as_it_is_told(speed: float) -> None:
         # No image is lost, and time stamps skip the time that a busy machine loses.
         assert last - first == pytest.approx(50 / 60 + speed * lost, abs=0.01)
         assert -SLACK_S < real - (last - first) / speed < SLACK_S
+
+
+def test_time_stamps_do_not_drift_by_a_stall() -> None:
+    """Time stamps leave out no time, even if the terminal takes 0.3 s to print that time is lost.
+
+    Up to 0.1 s are caught up later, so the newest images may be that late for a while.
+    """
+    field = Field(*QUIET, FAST)
+    field.pitch.messages = MessageCounter(lambda text: time.sleep(0.3))
+    with here(field, False) as (client, server):
+        client.packet()
+        server.after_frame = lambda: time.sleep(0.2 * (not server.messages["times too slow"]))
+        while not server.messages["ms late in all"]:
+            client.packet()
+        ages = [time.time() - client.packet().detection.t_capture for _ in range(30)]
+    assert min(ages) < 0.1
 
 
 def test_a_pause_holds_robots_and_the_next_speed_lets_them_go_on() -> None:
