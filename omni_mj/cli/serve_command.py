@@ -124,7 +124,7 @@ def serve_command(
     blue, yellow = (
         initial_setup.parse_robot_ids(values[team], f"--{team}") for team in ("blue", "yellow")
     )
-    poses = initial_setup.starting_poses(blue, yellow, scenario.plant)
+    poses = initial_setup.starting_poses(blue, yellow, scenario)
     rerun_targets = run_command.open_viewers(output_options)
     folder = None
     if out is not None:

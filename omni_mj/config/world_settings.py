@@ -137,6 +137,18 @@ class PhysicsSettings(SettingsModel):
 class WorldSettings(SettingsModel):
     """The world that robots share."""
 
+    field_length_m: float = setting(
+        9.0,
+        "length of the field, along x, lines included; division B: 9 x 6 m, division A: 12 x 9 m",
+        "m",
+        low=1,
+        high=30,
+    )
+    field_width_m: float = setting(6.0, "width of the field, along y", "m", low=1, high=30)
+    field_margin_m: float = setting(
+        0.7, "distance from the field to the walls, on all sides", "m", low=0, high=5
+    )
+
     start_poses: Poses = setting(
         ((0.0, 0.0, 0.0),),
         "start poses [x, y, heading in rad] of the robots: offsets of their references and "
@@ -145,6 +157,12 @@ class WorldSettings(SettingsModel):
         min_length=1,
         max_length=12,
     )
+
+    @property
+    def carpet_size_m(self) -> tuple[float, float]:
+        """Distances between opposite walls along x and y, m."""
+        margins_m = 2 * self.field_margin_m
+        return self.field_length_m + margins_m, self.field_width_m + margins_m
 
     def find_contradictions(self) -> Iterator[str]:
         """Yield a message for headings in degrees."""

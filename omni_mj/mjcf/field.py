@@ -1,30 +1,65 @@
-"""Dimensions of the field, and the largest robot: division B of the Small Size League.
+"""Lines, goals and walls of the field, and the largest robot of the Small Size League.
 
 Source: RoboCup-SSL/ssl-rules, chapter "Playing Environment", field setup. The origin of the world
-frame is the center of the field; x points to a goal, y left, z up. The carpet and the walls around
-it in the simulation are those of models/field.xml.
+frame is the center of the field; x points to a goal, y left, z up. The size of the field is a
+setting, see `WorldSettings`. Other dimensions are those of the rules for a field of this length.
 """
 
+from typing import NamedTuple
+
+import mujoco
 import numpy as np
 
 from omni_control.kinematics import Array
+from omni_mj.config.world_settings import WorldSettings
 
-LENGTH_M, WIDTH_M = 9.0, 6.0  # of the playing area, including its lines
-MARGIN_M = 0.7  # from the playing area to the edge of the carpet, on all sides
-CARPET_SIZE_M = np.array([LENGTH_M, WIDTH_M]) + 2 * MARGIN_M
 LINE_WIDTH_M = 0.01
 CENTER_CIRCLE_RADIUS_M = 0.5
-PENALTY_AREA_DEPTH_M, PENALTY_AREA_WIDTH_M = 1.0, 2.0  # "defense area" in the rules
-GOAL_WIDTH_M, GOAL_DEPTH_M, GOAL_HEIGHT_M, GOAL_WALL_THICKNESS_M = 1.0, 0.18, 0.16, 0.02
+GOAL_DEPTH_M, GOAL_HEIGHT_M, GOAL_WALL_THICKNESS_M = 0.18, 0.16, 0.02
 ROBOT_RADIUS_M, ROBOT_HEIGHT_M = 0.09, 0.15  # largest robot that the rules allow
 
 
-def get_field_lines() -> dict[str, tuple[float, float, float, float]]:
+class Division(NamedTuple):
+    """Dimensions that differ between the divisions, m.
+
+    Attributes:
+        goal_width: Width of a goal.
+        penalty_area_depth, penalty_area_width: Size of the "defense area" of the rules.
+    """
+
+    goal_width: float
+    penalty_area_depth: float
+    penalty_area_width: float
+
+
+DIVISION_A, DIVISION_B = Division(1.8, 1.8, 3.6), Division(1.0, 1.0, 2.0)
+DIVISION_A_LENGTH_M = 12.0
+
+
+def get_division(world: WorldSettings) -> Division:
+    """Return the dimensions for a field: those of division A from its length on."""
+    return DIVISION_A if world.field_length_m >= DIVISION_A_LENGTH_M else DIVISION_B
+
+
+def place_walls(spec: mujoco.MjSpec, carpet_size_m: tuple[float, float]) -> None:
+    """Change carpet and walls of models/field.xml to another size, (2,) m along x and y."""
+    half_length, half_width = carpet_size_m[0] / 2, carpet_size_m[1] / 2
+    spec.geom("carpet").size[:2] = half_length, half_width
+    for side, sign in (("front", 1), ("back", -1)):
+        spec.geom(f"wall_{side}").pos[0] = sign * half_length
+        spec.geom(f"wall_{side}").size[0] = half_width
+    for side, sign in (("left", 1), ("right", -1)):
+        spec.geom(f"wall_{side}").pos[1] = sign * half_width
+        spec.geom(f"wall_{side}").size[0] = half_length
+
+
+def get_field_lines(world: WorldSettings) -> dict[str, tuple[float, float, float, float]]:
     """Return a mapping from SSL-Vision's names of straight lines to their ends, x1, y1, x2, y2, m.
 
     A penalty stretch is an edge of a penalty area: that in front, or one at a side.
     """
-    x, y, half_width = LENGTH_M / 2, WIDTH_M / 2, PENALTY_AREA_WIDTH_M / 2
+    x, y, division = world.field_length_m / 2, world.field_width_m / 2, get_division(world)
+    half_width = division.penalty_area_width / 2
     lines = {
         "TOP_TOUCH_LINE": (-x, y, x, y),
         "BOTTOM_TOUCH_LINE": (-x, -y, x, -y),
@@ -32,7 +67,7 @@ def get_field_lines() -> dict[str, tuple[float, float, float, float]]:
         "CENTER_LINE": (-x, 0.0, x, 0.0),
     }
     for side, sign in (("LEFT", -1), ("RIGHT", 1)):
-        goal_x, front_x = sign * x, sign * (x - PENALTY_AREA_DEPTH_M)
+        goal_x, front_x = sign * x, sign * (x - division.penalty_area_depth)
         left_y = sign * half_width  # the side on the left of a robot that faces the goal
         lines[f"{side}_GOAL_LINE"] = goal_x, -y, goal_x, y
         lines[f"{side}_PENALTY_STRETCH"] = front_x, -half_width, front_x, half_width
@@ -41,15 +76,16 @@ def get_field_lines() -> dict[str, tuple[float, float, float, float]]:
     return lines
 
 
-def get_goal_walls() -> tuple[Array, Array]:
+def get_goal_walls(world: WorldSettings) -> tuple[Array, Array]:
     """Return centers (6, 3) and half sizes (6, 3) of the walls of both goals, m.
 
     A goal has a wall at the back and one at each side.
     """
     half_depth, half_thickness = GOAL_DEPTH_M / 2, GOAL_WALL_THICKNESS_M / 2
-    back_x = LENGTH_M / 2 + GOAL_DEPTH_M + half_thickness
-    side_x = LENGTH_M / 2 + half_depth
-    side_y = GOAL_WIDTH_M / 2 + half_thickness
+    goal_x = world.field_length_m / 2
+    back_x = goal_x + GOAL_DEPTH_M + half_thickness
+    side_x = goal_x + half_depth
+    side_y = get_division(world).goal_width / 2 + half_thickness
     z = GOAL_HEIGHT_M / 2
     centers = np.array([[back_x, 0, z], [side_x, side_y, z], [side_x, -side_y, z]])
     side_size = [half_depth, half_thickness, z]

@@ -25,6 +25,7 @@ from omni_mj.mjcf.attachable_robot import (
     stiffen_slip_hinges,
 )
 from omni_mj.mjcf.custom_robot import RobotSpec
+from omni_mj.mjcf.field import place_walls
 from omni_mj.mjcf.robot_builder import build_robot_spec
 from omni_mj.mjcf.robot_geometry import compute_support_distance
 from omni_mj.mjcf.robot_parts import Ids, RobotIndices, compute_initial_kinematics, find_robots
@@ -61,8 +62,8 @@ def build_world(
     """Return a field with equal robots on it; repeated calls return the same object.
 
     Args:
-        settings: Settings of the robots. Only their `mechanics` and the number of substeps
-            matter.
+        settings: Settings of the robots. Only their `mechanics`, the number of substeps and the
+            size of the field matter.
         robots_per_world: Number of robots.
         with_hulls: Whether robots collide with each other and with walls. Default: if there are
             several.
@@ -77,15 +78,22 @@ def build_world(
         robots_per_world,
         settings.physics.substeps,
         robots_per_world > 1 if with_hulls is None else with_hulls,
+        settings.world.carpet_size_m,
     )
 
 
 @lru_cache(maxsize=16)
 def _build_world(
-    robot_spec: RobotSpec, mechanics: Mechanics, n_robots: int, substeps: int, with_hulls: bool
+    robot_spec: RobotSpec,
+    mechanics: Mechanics,
+    n_robots: int,
+    substeps: int,
+    with_hulls: bool,
+    carpet_size_m: tuple[float, float],
 ) -> World:
     """Return a world; see `build_world`. Equal arguments return the same object."""
     field = mujoco.MjSpec.from_file(str(find_models_folder() / "field.xml"))
+    place_walls(field, carpet_size_m)
     robot = prepare_robot(robot_spec, mechanics, with_hulls)
     other_spheres = list[str]()
     for slot in range(n_robots):
@@ -106,7 +114,7 @@ def _build_world(
     if n_robots == 1:
         rest_qpos = _settle(model)
     else:
-        single_world = _build_world(robot_spec, mechanics, 1, substeps, False)
+        single_world = _build_world(robot_spec, mechanics, 1, substeps, False, carpet_size_m)
         rest_qpos = np.tile(single_world.rest_qpos, n_robots)
     return World(
         model,

@@ -22,8 +22,7 @@ from omni_mj.config.faults import (
     VisionLoss,
     VisionWrongId,
 )
-from omni_mj.config.network_settings import VisionSettings
-from omni_mj.config.settings import gather
+from omni_mj.config.settings import Settings, gather
 from omni_mj.network.camera_calibration import CameraErrors
 from omni_mj.network.fault_schedule import FaultsByRow, FaultSchedule
 from omni_mj.network.random_streams import Noise, Seed, Stream, continue_bursts
@@ -47,7 +46,7 @@ class Camera:
 
     def __init__(
         self,
-        settings: Sequence[VisionSettings],
+        settings: Sequence[Settings],
         seeds: Sequence[Seed],
         faults: FaultsByRow,
         number: int | None = None,
@@ -64,13 +63,14 @@ class Camera:
         self._last_measured = np.full((n, 3), np.nan)
         self.change_settings(settings, faults)
 
-    def change_settings(self, settings: Sequence[VisionSettings], faults: FaultsByRow) -> None:
+    def change_settings(self, settings: Sequence[Settings], faults: FaultsByRow) -> None:
         """Change noise, calibration, missed detections and faults of images from now on."""
-        sigmas = "position_noise_m", "position_noise_m", "heading_noise_rad"
-        self._sigma = np.stack([gather(settings, name) for name in sigmas], axis=1)
-        self._miss_probability = gather(settings, "miss_probability")
-        self._dropout_fraction = gather(settings, "dropout_fraction")
-        self._mean_dropout_images = gather(settings, "mean_dropout_frames")
+        position_sigma = gather(settings, "vision.position_noise_m")
+        heading_sigma = gather(settings, "vision.heading_noise_rad")
+        self._sigma = np.column_stack([position_sigma, position_sigma, heading_sigma])
+        self._miss_probability = gather(settings, "vision.miss_probability")
+        self._dropout_fraction = gather(settings, "vision.dropout_fraction")
+        self._mean_dropout_images = gather(settings, "vision.mean_dropout_frames")
         self._errors = CameraErrors(settings, self._seeds)
         self._schedule = FaultSchedule(faults)
         self._apply_faults()
@@ -136,7 +136,7 @@ class ImageTiming:
 
     def __init__(
         self,
-        settings: Sequence[VisionSettings],
+        settings: Sequence[Settings],
         seeds: Sequence[Seed],
         faults: FaultsByRow,
     ) -> None:
@@ -146,14 +146,14 @@ class ImageTiming:
         self._fault_noise = Noise(seeds, Stream.CAMERA_LATE)
         self.change_settings(settings, faults)
 
-    def change_settings(self, settings: Sequence[VisionSettings], faults: FaultsByRow) -> None:
+    def change_settings(self, settings: Sequence[Settings], faults: FaultsByRow) -> None:
         """Change delays, losses and faults of images from now on."""
-        self._nominal_delay_s = gather(settings, "delay_s")
-        self._jitter_s = gather(settings, "jitter_s")
+        self._nominal_delay_s = gather(settings, "vision.delay_s")
+        self._jitter_s = gather(settings, "vision.jitter_s")
         # Gamma distribution: mean = shape * scale, (standard deviation / mean)^2 = 1 / shape
-        self._processing_shape = gather(settings, "processing_variation") ** -2
-        self._processing_scale_s = gather(settings, "processing_s") / self._processing_shape
-        self._loss_probability = gather(settings, "loss_probability")
+        self._processing_shape = gather(settings, "vision.processing_variation") ** -2
+        self._processing_scale_s = gather(settings, "vision.processing_s") / self._processing_shape
+        self._loss_probability = gather(settings, "vision.loss_probability")
         self._schedule = FaultSchedule(faults)
         self._apply_faults()
 
@@ -230,11 +230,11 @@ class Cameras:
 
     def __init__(
         self,
-        settings: Sequence[VisionSettings],
+        settings: Sequence[Settings],
         seeds: Sequence[Seed],
         faults: FaultsByRow,
     ) -> None:
-        rates = gather(settings, "rate_hz")
+        rates = gather(settings, "vision.rate_hz")
         self._groups: list[tuple[np.ndarray, _CamerasWithSameRate]] = []
         for rate in np.unique(rates):
             rows: np.ndarray = np.flatnonzero(rates == rate)
@@ -243,7 +243,7 @@ class Cameras:
             )
             self._groups.append((rows, cameras))
 
-    def change_settings(self, settings: Sequence[VisionSettings], faults: FaultsByRow) -> None:
+    def change_settings(self, settings: Sequence[Settings], faults: FaultsByRow) -> None:
         """Change settings of images from now on, except the frame rate, and faults of each row."""
         for rows, cameras in self._groups:
             row_values = [settings[i] for i in rows], [faults[i] for i in rows]
@@ -270,13 +270,13 @@ class _CamerasWithSameRate:
 
     def __init__(
         self,
-        settings: Sequence[VisionSettings],
+        settings: Sequence[Settings],
         seeds: Sequence[Seed],
         faults: FaultsByRow,
     ) -> None:
         self.camera = Camera(settings, seeds, faults)
         self.timing = ImageTiming(settings, seeds, faults)
-        self._rate_hz = settings[0].rate_hz
+        self._rate_hz = settings[0].vision.rate_hz
         self._last_pose: Array | None = None
         self._frame = 0
         self._n_images = 0

@@ -16,9 +16,7 @@ from functools import lru_cache
 import numpy as np
 
 from omni_control.kinematics import Array
-from omni_mj.config.network_settings import VisionSettings
-from omni_mj.config.settings import gather
-from omni_mj.mjcf import field
+from omni_mj.config.settings import Settings, gather
 from omni_mj.network.random_streams import Seed, Stream
 
 SEED_OFFSET = 1000  # added to a camera's number, so that its seeds differ from those of slots
@@ -35,15 +33,16 @@ class CameraErrors:
         seeds: Seed of each row.
     """
 
-    def __init__(self, settings: Sequence[VisionSettings], seeds: Sequence[Seed]) -> None:
-        sigma = gather(settings, "calibration_error_m")
-        offset_sigma = gather(settings, "camera_offset_m")
-        has_known_offsets = any(row.camera_offsets_m for row in settings)
+    def __init__(self, settings: Sequence[Settings], seeds: Sequence[Seed]) -> None:
+        sigma = gather(settings, "vision.calibration_error_m")
+        offset_sigma = gather(settings, "vision.camera_offset_m")
+        has_known_offsets = any(row.vision.camera_offsets_m for row in settings)
         self._is_zero = not (sigma.any() or offset_sigma.any() or has_known_offsets)
         if self._is_zero:
             return
-        n_cameras = max(row.cameras for row in settings)
-        self._grids = np.array([CAMERA_GRIDS[row.cameras] for row in settings])
+        n_cameras = max(row.vision.cameras for row in settings)
+        self._grids = np.array([CAMERA_GRIDS[row.vision.cameras] for row in settings])
+        self._carpet_sizes = np.array([row.world.carpet_size_m for row in settings])
         self._offsets = np.zeros((len(seeds), n_cameras, 2))
         # Wave numbers along x and y, and amplitudes of cosine and sine
         self._waves = np.zeros((len(seeds), n_cameras, 2, N_FEATURES, 4))
@@ -54,9 +53,10 @@ class CameraErrors:
             self._waves[row, number] = _draw(camera_seed, Stream.CAMERA_CALIBRATION, waves_shape)
         self._offsets *= offset_sigma[:, None, None]
         for row, row_settings in enumerate(settings):
-            for number, offset in enumerate(row_settings.camera_offsets_m):
+            for number, offset in enumerate(row_settings.vision.camera_offsets_m):
                 self._offsets[row, number] += offset
-        self._waves[..., :2] /= gather(settings, "calibration_length_m")[:, None, None, None, None]
+        lengths = gather(settings, "vision.calibration_length_m")
+        self._waves[..., :2] /= lengths[:, None, None, None, None]
         self._waves[..., 2:] *= sigma[:, None, None, None, None] / np.sqrt(N_FEATURES)
 
     def __call__(self, positions: Array, camera: int | None = None) -> Array:
@@ -77,7 +77,7 @@ class CameraErrors:
 
     def _find_cameras(self, positions: Array) -> np.ndarray:
         """Return the number of the camera of each robot, numbered along x, then along y, (n,)."""
-        fractions = np.nan_to_num(positions) / field.CARPET_SIZE_M + 0.5
+        fractions = np.nan_to_num(positions) / self._carpet_sizes + 0.5
         grid_indices = np.clip(np.floor(fractions * self._grids), 0, self._grids - 1).astype(int)
         return np.asarray(grid_indices[:, 0] + self._grids[:, 0] * grid_indices[:, 1])
 

@@ -20,6 +20,9 @@ MODEL_SETTINGS = (
     "model",
     "motor.gear_ratio",
     "motor.rotor_inertia_kg_m2",
+    "world.field_length_m",
+    "world.field_width_m",
+    "world.field_margin_m",
 )
 
 

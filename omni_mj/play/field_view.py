@@ -15,6 +15,7 @@ from omni_mj.viz.recording import robot_shapes, scene
 
 if TYPE_CHECKING:
     from omni_mj.config.settings import Settings
+    from omni_mj.config.world_settings import WorldSettings
     from omni_mj.play.play_session import PlaySession, Snapshot
 
 HIDDEN = (0.0, 0.0, -10.0)  # position of something that has none, below the field
@@ -51,7 +52,7 @@ class FieldView:
         api.reset()
         api.configure_environment_map(None)
         api.configure_default_lights(cast_shadow=False)
-        _add_field(api)
+        _add_field(api, session.scenario.settings.world)
         for i, path in enumerate({path.tobytes(): path for path in paths}.values()):
             _add_path(api, f"/reference/{i}", path, scene.REFERENCE_COLOR, 0.015)
         self._robots, self._ghosts, self._targets, self._names = [], [], [], []
@@ -151,18 +152,18 @@ def build_robot_mesh(settings: "Settings", cover_color: style.Rgb) -> Any:
     return trimesh.util.concatenate(geom_meshes)
 
 
-def _add_field(api: Any) -> None:
+def _add_field(api: Any, world: "WorldSettings") -> None:
     """Add carpet, lines and goals."""
-    length, width = field.CARPET_SIZE_M
+    length, width = world.carpet_size_m
     api.add_box(
         "/carpet",
         dimensions=(length, width, 0.02),
         position=(0, 0, -0.0115),
         color=scene.CARPET_COLOR,
     )
-    for i, line in enumerate(scene.field_line_strips()):
+    for i, line in enumerate(scene.field_line_strips(world)):
         _add_path(api, f"/line/{i}", line, scene.LINE_COLOR, field.LINE_WIDTH_M)
-    for i, (center, half_size) in enumerate(zip(*field.get_goal_walls(), strict=True)):
+    for i, (center, half_size) in enumerate(zip(*field.get_goal_walls(world), strict=True)):
         api.add_box(f"/goal/{i}", dimensions=2 * half_size, position=center, color=scene.GOAL_COLOR)
 
 

@@ -15,7 +15,7 @@ from omni_mj.config import PERIOD_S, faults, plugins
 from omni_mj.config.scenario import Scenario
 from omni_mj.config.settings import find_setting
 from omni_mj.config.toml_files import find_builtin_files
-from omni_mj.mjcf import field
+from omni_mj.mjcf.field import ROBOT_RADIUS_M
 from omni_mj.play.field_view import FieldView
 from omni_mj.play.live_plots import LivePlots
 from omni_mj.play.play_session import MAX_CONTROLLERS
@@ -347,8 +347,8 @@ class PlayPage:
         if direction[2] >= 0:
             return
         x, y, _ = origin - origin[2] / direction[2] * direction
-        limit_x, limit_y = field.CARPET_SIZE_M / 2 - field.ROBOT_RADIUS_M
-        if abs(x) <= limit_x and abs(y) <= limit_y:
+        carpet_size_m = self._play.session.scenario.settings.world.carpet_size_m
+        if (np.abs([x, y]) <= np.array(carpet_size_m) / 2 - ROBOT_RADIUS_M).all():
             self._play.request("drive", lambda: self._play.session.set_target(float(x), float(y)))
 
     def _pause(self) -> None:

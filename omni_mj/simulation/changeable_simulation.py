@@ -98,7 +98,7 @@ class ChangeableSimulation(Simulation):
         self.scenario, self.rows = scenario, self._initial_rows
         self.log.rows[:] = self.rows[: len(self.log.rows)]
         row_faults = [row.faults for row in self.rows]
-        self.camera.change_settings([row.settings.vision for row in self.rows], row_faults)
+        self.camera.change_settings([row.settings for row in self.rows], row_faults)
         self.radio.change_settings([row.settings.radio for row in self.rows], row_faults)
         self.plant.change_rows(self.rows)
         if any(getattr(settings, name) != getattr(previous, name) for name in _TEAM_SECTIONS):

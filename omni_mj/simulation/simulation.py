@@ -265,7 +265,7 @@ class Simulation:
         has_cycles = any(needs_cycles(row.settings.radio, row.faults) for row in self.rows)
         return (
             plugins.find_plant(self.scenario.plant)(self.rows, start_poses),
-            Cameras([row_settings.vision for row_settings in settings], seeds, row_faults),
+            Cameras(settings, seeds, row_faults),
             Radio(
                 [row_settings.radio for row_settings in settings],
                 seeds,

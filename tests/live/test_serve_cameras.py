@@ -88,7 +88,7 @@ def test_cameras_have_the_calibration_errors_of_run() -> None:
     sets = "vision.cameras=2", "vision.calibration_error_m=0.02", "vision.camera_offset_m=0.01"
     bench = Field(*QUIET, FAST, *sets)
     assert bench.put(0, 0.05, -0.05, 0.0) == []
-    calibrated = CameraErrors([bench.pitch.rows[0].settings.vision], [(bench.pitch.rows[0].seed,)])
+    calibrated = CameraErrors([bench.pitch.rows[0].settings], [(bench.pitch.rows[0].seed,)])
     errors = []
     for image in bench.cycles(64):
         pose = bench.poses[0, :2]
@@ -123,23 +123,46 @@ def test_faults_concern_the_robots_whose_numbers_they_name_and_cameras_as_a_whol
     assert image.detection.t_capture == pytest.approx(bench.time_s)
 
 
-def test_the_geometry_is_that_of_division_b() -> None:
-    """Rules: 9 m x 6 m, 0.7 m around it, goals of 1 m, defense areas of 2 m x 1 m."""
-    with here(Field(*QUIET, FAST, "vision.cameras=3")) as (client, _):
+@pytest.mark.parametrize(
+    ("sets", "dimensions_mm"),
+    [
+        ((), (9000, 6000, 700, 1000, 1000, 2000)),
+        (
+            ("world.field_length_m=12", "world.field_width_m=9", "world.field_margin_m=0.3"),
+            (12000, 9000, 300, 1800, 1800, 3600),
+        ),
+    ],
+    ids=["division B", "division A"],
+)
+def test_the_geometry_is_that_of_a_division(
+    sets: tuple[str, ...], dimensions_mm: tuple[int, ...]
+) -> None:
+    """Rules: goals of 1 or 1.8 m, defense areas of 2 m x 1 m or 3.6 m x 1.8 m."""
+    with here(Field(*QUIET, FAST, "vision.cameras=3", *sets)) as (client, _):
         geometry = client.packet("geometry").geometry
     size = geometry.field
-    assert (size.field_length, size.field_width, size.goal_width) == (9000, 6000, 1000)
-    assert (size.boundary_width, size.penalty_area_depth, size.penalty_area_width) == (
-        700,
-        1000,
-        2000,
+    assert dimensions_mm == (
+        size.field_length,
+        size.field_width,
+        size.boundary_width,
+        size.goal_width,
+        size.penalty_area_depth,
+        size.penalty_area_width,
     )
-    assert len({line.name for line in size.field_lines}) == 12
+    lines = {line.name: (line.p1.x, line.p1.y, line.p2.x, line.p2.y) for line in size.field_lines}
+    assert len(lines) == 12
+    x, y, depth, half_width = np.array(dimensions_mm)[[0, 1, 4, 5]] * [0.5, 0.5, 1, 0.5]
+    assert lines["TopTouchLine"] == (-x, y, x, y)
+    assert lines["RightGoalLine"] == (x, -y, x, y)
+    assert lines["RightPenaltyStretch"] == (x - depth, -half_width, x - depth, half_width)
     assert [camera.camera_id for camera in geometry.calib] == [0, 1, 2]
     # SSL-Vision's pinhole: turned by half a turn about x, (x, y, z) is (x + tx, -y + ty, tz) for
     # the camera.
     middles = [-camera.tx for camera in geometry.calib]
-    np.testing.assert_allclose(middles, [-10400 / 3, 0, 10400 / 3], rtol=1e-6)
+    carpet_length = size.field_length + 2 * size.boundary_width
+    np.testing.assert_allclose(
+        middles, [-carpet_length / 3, 0, carpet_length / 3], rtol=1e-6, atol=1e-6
+    )
 
 
 @pytest.mark.parametrize("jitter_s", [0.0, 0.02])

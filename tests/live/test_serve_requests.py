@@ -198,13 +198,51 @@ def test_what_does_not_apply_is_answered() -> None:
             client.packet("geometry").geometry.SerializeToString() + b"\x1a\x00"  # models
         )
         packet = SimulatorCommand(config=SimulatorConfig(geometry=geometry)).SerializeToString()
-        assert client.codes(0, packet) == ["UNKNOWN_FIELD", "CONFIG"]
+        assert client.codes(0, packet) == ["UNKNOWN_FIELD"]
         with serve_client.udp() as other:
             config = SimulatorConfig(vision_port=other.getsockname()[1])
             packet = SimulatorCommand(config=config).SerializeToString()
             assert client.codes(0, packet) == []
             client.codes(1, local(0, 0.0))
             assert other.recv(65536)
+
+
+def field_config(geometry: Geometry, length: int, width: int, margin: int) -> bytes:
+    """A packet to the simulator: a field, its lengths in mm, with the lines of another."""
+    changed = Geometry.FromString(geometry.SerializeToString())
+    size = changed.field
+    size.field_length, size.field_width, size.boundary_width = length, width, margin
+    return SimulatorCommand(config=SimulatorConfig(geometry=changed)).SerializeToString()
+
+
+@pytest.mark.parametrize("is_empty", [False, True], ids=["with robots", "without robots"])
+def test_a_field_of_a_client_has_its_walls_and_is_sent_back(is_empty: bool) -> None:
+    """Robots keep their poses; cameras cover the new field, in equal parts."""
+    field = Field(*QUIET, FAST, "vision.cameras=2", blue="1", yellow="0")
+    with here(field) as (client, _):
+        own = client.packet("geometry").geometry
+        assert client.codes(0, serve_client.teleport(0, BLUE, x=0.5, y=0.25)) == []
+        if is_empty:
+            assert client.codes(0, serve_client.teleport(0, BLUE, present=False)) == []
+        assert client.codes(0, field_config(own, 2000, 1500, 250)) == []
+        geometry = client.packet("geometry").geometry
+        while geometry == own:
+            geometry = client.packet("geometry").geometry
+        if is_empty:
+            home = serve_client.teleport(0, BLUE, present=True, x=0.5, y=0.25)
+            assert client.codes(0, home) == []
+        np.testing.assert_allclose(field.poses[0, :2], [0.5, 0.25], atol=1e-4)
+        for _ in range(50):
+            client.codes(1, world(0, 2.0))
+        assert field.poses[0, 0] == pytest.approx(1.25 - 0.09, abs=0.01)
+        # A smaller field would have the robot in a wall, others are too small or too large.
+        for bad in ((1500, 1500, 500), (100, 1500, 500), (2000, 30001, 500), (9000, 6000, 5001)):
+            assert client.codes(0, field_config(own, *bad)) == ["GEOMETRY"]
+        assert client.codes(0, field_config(own, 9000, 6000, 700)) == []
+    assert geometry.field.field_lines == own.field.field_lines
+    assert (geometry.field.field_length, geometry.field.boundary_width) == (2000, 250)
+    assert [camera.tx for camera in geometry.calib] == [625, -625]
+    assert any("would stand in a wall" in text for text in field.said)
 
 
 def test_specs_of_a_robot_limit_its_velocity_and_others_are_answered() -> None:

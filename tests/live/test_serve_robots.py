@@ -116,9 +116,19 @@ def test_robots_stop_that_receive_nothing_for_a_tenth_of_a_second() -> None:
     assert np.abs(silent.twists).max() < 0.01
 
 
-def test_walls_hold_a_robot_that_drives_into_a_corner() -> None:
-    field, room = Field(*QUIET, FAST), np.array([5.2, 3.7]) - RADIUS_M
-    assert field.put(0, 4.5, 3.0, 1.0) == []
+@pytest.mark.parametrize(
+    ("sets", "walls"),
+    [
+        ((), (5.2, 3.7)),
+        (("world.field_length_m=12", "world.field_width_m=9"), (6.7, 5.2)),
+        (("world.field_length_m=2", "world.field_margin_m=0"), (1.0, 3.0)),
+    ],
+)
+def test_walls_hold_a_robot_that_drives_into_a_corner(
+    sets: tuple[str, ...], walls: tuple[float, float]
+) -> None:
+    field, room = Field(*QUIET, FAST, *sets), np.array(walls) - RADIUS_M
+    assert field.put(0, walls[0] - 0.7, walls[1] - 0.7, 1.0) == []
     for _ in range(50):
         field.drive(1, world(0, 2.0, 2.0))
         assert (field.poses[0, :2] < room + SOFT_M).all()

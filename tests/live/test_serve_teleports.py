@@ -12,7 +12,7 @@ from omni_mj.live.wire.league_pb2 import FieldSize, Geometry, SimulatorCommand, 
 
 REFUSED_FIELD = Geometry(
     field=FieldSize(
-        field_length=8000, field_width=6000, goal_width=1000, goal_depth=180, boundary_width=300
+        field_length=800, field_width=6000, goal_width=1000, goal_depth=180, boundary_width=300
     )
 )
 
@@ -50,7 +50,7 @@ def test_what_cannot_be_is_refused_and_the_rest_is_done() -> None:
         assert client.codes(0, both) == ["OCCUPIED", "OCCUPIED"]
         config = SimulatorConfig(geometry=REFUSED_FIELD, vision_port=70_000)
         packet = SimulatorCommand(config=config).SerializeToString()
-        assert client.codes(0, packet) == ["CONFIG"] * 2
+        assert client.codes(0, packet) == ["GEOMETRY", "CONFIG"]
         assert client.codes(0, serve_client.teleport(0, BLUE, x=5.15, y=0.0)) == [
             "OCCUPIED"
         ]  # the wall is at 5.2 m

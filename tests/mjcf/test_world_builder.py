@@ -7,6 +7,7 @@ from benches.plant import with_settings
 
 from omni_control.errors import OmniError
 from omni_mj.config.resolve import resolve_settings
+from omni_mj.config.robot_files import find_models_folder
 from omni_mj.mjcf import world_builder
 
 
@@ -19,6 +20,22 @@ def test_rollers_reach_the_bottom_in_order() -> None:
         mujoco.mj_kinematics(world.model, data)
         lowest = robot.rollers[np.arange(4), data.xpos[robot.rollers, 2].argmin(1)]
         assert lowest.tolist() == robot.rollers[:, turn].tolist()
+
+
+def test_the_default_field_is_that_of_the_file() -> None:
+    """To the bit; carpets of other sizes end at the walls."""
+    file = mujoco.MjModel.from_xml_path(str(find_models_folder() / "field.xml"))
+    default, other = (
+        world_builder.build_world(with_settings(world=world)).model
+        for world in ({}, {"field_length_m": 12.0, "field_margin_m": 0.0})
+    )
+    for geom in range(file.ngeom):
+        name = file.geom(geom).name
+        np.testing.assert_array_equal(default.geom(name).pos, file.geom(name).pos)
+        np.testing.assert_array_equal(default.geom(name).size, file.geom(name).size)
+    assert other.geom("carpet").size.tolist() == [6.0, 3.0, 0.1]
+    walls = np.array([other.geom(f"wall_{s}").pos for s in ("front", "left", "back", "right")])
+    np.testing.assert_array_equal(walls[:, :2], [[6, 0], [0, 3], [-6, 0], [0, -3]])
 
 
 def test_impossible_robots_are_rejected_with_one_line() -> None:

@@ -1,5 +1,7 @@
 """Cameras as measured: errors fixed to the field, dropouts in bursts, skewed latency."""
 
+from typing import Any
+
 import numpy as np
 import pytest
 from benches.camera_and_radio import FRAME_S, SHARP, measure_poses
@@ -7,13 +9,14 @@ from numpy.typing import NDArray
 from scipy import stats
 
 import omni_mj as om
+from omni_mj.config.resolve import resolve_settings
 
 SIGMA, LENGTH = 0.01, 1.5
 CALIBRATION = {**SHARP, "calibration_error_m": SIGMA, "calibration_length_m": LENGTH}
 SEEDS = range(400)
 
 
-def measure_errors(points: NDArray, seeds: range = SEEDS, **vision: object) -> NDArray:
+def measure_errors(points: NDArray, seeds: range = SEEDS, **vision: Any) -> NDArray:
     """Return errors (points, seeds, 2) of robots that are put at points (points, 2) in turn."""
     poses = np.zeros((len(points), len(seeds), 3))
     poses[..., :2] = points[:, None]
@@ -46,16 +49,23 @@ def test_errors_are_fixed_to_the_field_and_smooth() -> None:
 
 
 @pytest.mark.parametrize(
-    ("cameras", "border"), [(2, [0.0, 1.0]), (3, [10.4 / 6, 1.0]), (4, [0.0, 1.0]), (4, [1.0, 0.0])]
+    ("cameras", "border", "field"),
+    [
+        (2, [0.0, 1.0], {}),
+        (3, [10.4 / 6, 1.0], {}),
+        (3, [13.4 / 6, 1.0], {"field_length_m": 12.0}),
+        (4, [0.0, 1.0], {}),
+        (4, [1.0, 0.0], {}),
+    ],
 )
 def test_measured_positions_jump_at_the_border_of_two_cameras(
-    cameras: int, border: list[float]
+    cameras: int, border: list[float], field: dict[str, float]
 ) -> None:
     """By the difference of two independent errors; within a camera there is no jump."""
     axis = int(border[1] == 0)
     across = np.eye(2)[axis] * 1e-6
     points = np.array([border - 3 * across, border - across, border + across, border + 3 * across])
-    errors = measure_errors(points, cameras=cameras, **CALIBRATION)
+    errors = measure_errors(points, world=field, cameras=cameras, **CALIBRATION)
     assert np.abs(errors[[0, 2]] - errors[[1, 3]]).max() < 1e-6
     jumps = (errors[2] - errors[1]) / (np.sqrt(2) * SIGMA)
     assert all(stats.kstest(values, "norm").pvalue > 1e-4 for values in jumps.T)
@@ -74,16 +84,16 @@ def test_known_offsets_and_random_camera_positions_add_up() -> None:
 
 def test_robots_of_a_world_share_its_cameras() -> None:
     """Also in serve, whose cameras are the same ones."""
-    from omni_mj.config.network_settings import VisionSettings
     from omni_mj.network.camera_calibration import CameraErrors
 
-    vision = VisionSettings(cameras=2, camera_offset_m=0.02, **CALIBRATION)
+    vision = {"cameras": 2, "camera_offset_m": 0.02, **CALIBRATION}
+    settings = resolve_settings({"vision": vision})
     seeds = [(3,), (3, 1), (4,)]
     positions = np.array([[1.0, 1.0], [1.0, 1.0], [1.0, 1.0]])
-    errors = CameraErrors([vision] * 3, seeds)(positions)
+    errors = CameraErrors([settings] * 3, seeds)(positions)
     np.testing.assert_array_equal(errors[0], errors[1])
     assert (errors[0] != errors[2]).all()
-    alone = CameraErrors([vision], seeds[:1])
+    alone = CameraErrors([settings], seeds[:1])
     np.testing.assert_array_equal(alone(positions, 1), errors[[0, 0, 0]])
 
 
@@ -108,11 +118,11 @@ def test_dropouts_are_a_gilbert_elliott_channel() -> None:
 @pytest.mark.parametrize("variation", [0.3, 1.0])
 def test_processing_times_have_a_gamma_distribution(variation: float) -> None:
     """Mean and standard deviation are as set; images that are overtaken are dropped."""
-    from omni_mj.config.network_settings import VisionSettings
     from omni_mj.network.camera import ImageTiming
 
     mean, delay = 0.02, 0.01
-    settings = VisionSettings(delay_s=delay, processing_s=mean, processing_variation=variation)
+    skewed = {"processing_s": mean, "processing_variation": variation}
+    settings = resolve_settings({"vision": {"delay_s": delay, **skewed}})
     timing = ImageTiming([settings] * 50, [(seed,) for seed in range(50)], [()] * 50)
     latencies = np.array([timing.schedule_arrival(k, 0.0)[0] for k in range(200)]).ravel()
     shape = 1 / variation**2
@@ -120,7 +130,6 @@ def test_processing_times_have_a_gamma_distribution(variation: float) -> None:
     assert stats.kstest(latencies, law.cdf).pvalue > 1e-4
     poses = np.zeros((400, 1, 3))
     poses[..., 0] = np.arange(400)[:, None] * FRAME_S  # 1 m/s
-    skewed = {"processing_s": mean, "processing_variation": variation}
     measured, age = measure_poses(poses, **SHARP, **skewed)
     is_measured = np.isfinite(measured[..., 0])
     captured = np.where(is_measured, np.arange(400)[:, None] * FRAME_S - age, np.nan)

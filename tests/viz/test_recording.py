@@ -133,6 +133,22 @@ def test_the_first_seed_is_recorded_without_wheels_if_the_plant_has_none(tmp_pat
         assert np.allclose(shown[:, 0], rows(driven.table, "flc", seed)["x_m"], atol=1e-6) == equal
 
 
+def test_the_field_is_drawn_in_its_size(tmp_path: Path) -> None:
+    """The halfway line, the goals at their line and the carpet with margins, for division A."""
+    size = "world.field_length_m=12", "world.field_width_m=9", "world.field_margin_m=0.3"
+    recorded = record_run(tmp_path / "recording.rrd", ["flc"], SHORT, *size).recorded
+    (half_size,) = recorded.static("/world/field/carpet", "Boxes3D:half_sizes")
+    np.testing.assert_allclose(half_size[:2], [6.3, 4.8], rtol=1e-6)
+    lines = recorded.static("/world/field/lines", "LineStrips3D:strips")
+    ends = np.array([line for line in lines if len(line) == 2])[..., :2]
+    assert [[0.0, -4.5], [0.0, 4.5]] in ends.tolist()
+    np.testing.assert_array_equal(np.abs(ends).max((0, 1)), [6.0, 4.5])
+    goals = np.array(recorded.static("/world/field/goals", "Boxes3D:centers"))
+    half_sizes = np.array(recorded.static("/world/field/goals", "Boxes3D:half_sizes"))
+    inner_x = (np.abs(goals) - half_sizes)[:, 0]
+    np.testing.assert_allclose(inner_x, [6.18, 6, 6, 6.18, 6, 6], atol=1e-5)
+
+
 def test_all_robots_of_a_controllers_first_world_are_drawn(tmp_path: Path) -> None:
     """Each robot has its own pose, reference and color."""
     start_poses = "world.start_poses=[[0, 0, 0], [0.2, 1.0, 1.5707963267948966]]"

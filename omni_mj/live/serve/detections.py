@@ -12,6 +12,7 @@ import numpy as np
 from omni_control.kinematics import Array
 from omni_mj.config import CYCLE_RATE_HZ, CYCLES_PER_FRAME
 from omni_mj.config.rows import Row
+from omni_mj.config.world_settings import WorldSettings
 from omni_mj.live.wire import MM_PER_M
 from omni_mj.live.wire.league_pb2 import Calibration, Detection, FieldSize, Point, Shape, Team
 from omni_mj.mjcf import field
@@ -62,32 +63,36 @@ class FieldCamera:
 
     def __init__(self, number: int, rows: Sequence[Row]) -> None:
         self._number, self._frame = number, 0
-        self._vision = rows[0].settings.vision
         self._seeds: list[Seed] = [(rows[0].seed, SEED_OFFSET + number)]
-        grid = CAMERA_GRIDS[self._vision.cameras]
-        self._cell_size = field.CARPET_SIZE_M / grid
-        cell_y, cell_x = divmod(number, grid[0])
-        self._center = self._cell_size * (cell_x + 0.5, cell_y + 0.5) - field.CARPET_SIZE_M / 2
         self.set_robots(rows, 0)
         clock = Noise(self._seeds, Stream.CAMERA_CLOCK, 4, "standard_normal")
         *_, clock_offset, phase = clock.next()[0].tolist()
-        self._errors = CameraErrors([self._vision], self._seeds)
+        self._errors = CameraErrors([rows[0].settings], self._seeds)
         self._clock_offset_s = self._vision.clock_offset_s * clock_offset
         # The fraction of a widely scaled normal number is uniformly distributed.
         self._phase_s = 0.0 if number == 0 else phase * 1e3 % 1.0 / self._vision.rate_hz
         self.due = self._cycle_of(0)
 
     def set_robots(self, rows: Sequence[Row], cycle: int) -> None:
-        """Observe other robots from a cycle on; times of faults are relative to this cycle."""
-        self._first_cycle, self._vision = cycle, rows[0].settings.vision
-        self._half_size = (self._cell_size + self._vision.overlap_m) / 2
-        self._timing = ImageTiming([self._vision], self._seeds, [rows[0].faults])
+        """Observe other robots from a cycle on; times of faults are relative to this cycle.
+
+        The size of the field may be another one.
+        """
+        settings = rows[0].settings
+        self._first_cycle, self._vision = cycle, settings.vision
+        carpet_size = np.array(settings.world.carpet_size_m)
+        grid = CAMERA_GRIDS[self._vision.cameras]
+        cell_size = carpet_size / grid
+        cell_y, cell_x = divmod(self._number, grid[0])
+        self._center = cell_size * (cell_x + 0.5, cell_y + 0.5) - carpet_size / 2
+        self._half_size = (cell_size + self._vision.overlap_m) / 2
+        self._timing = ImageTiming([settings], self._seeds, [rows[0].faults])
         seeds = [
             row.noise_seed if self._number == 0 else (*row.noise_seed, SEED_OFFSET + self._number)
             for row in rows
         ]
         self._camera = Camera(
-            [row.settings.vision for row in rows],
+            [row.settings for row in rows],
             seeds,
             [row.faults for row in rows],
             self._number,
@@ -171,17 +176,18 @@ class FieldCamera:
         return math.ceil((frame / self._vision.rate_hz + self._phase_s) * CYCLE_RATE_HZ - 1e-6)
 
 
-def standard_field() -> FieldSize:
-    """Return the geometry of the division B field and its lines."""
+def describe_field(world: WorldSettings) -> FieldSize:
+    """Return the message with the geometry of a field and its lines."""
+    division = field.get_division(world)
     lengths_m = {
-        "field_length": field.LENGTH_M,
-        "field_width": field.WIDTH_M,
-        "goal_width": field.GOAL_WIDTH_M,
+        "field_length": world.field_length_m,
+        "field_width": world.field_width_m,
+        "goal_width": division.goal_width,
         "goal_depth": field.GOAL_DEPTH_M,
         "goal_height": field.GOAL_HEIGHT_M,
-        "boundary_width": field.MARGIN_M,
-        "penalty_area_depth": field.PENALTY_AREA_DEPTH_M,
-        "penalty_area_width": field.PENALTY_AREA_WIDTH_M,
+        "boundary_width": world.field_margin_m,
+        "penalty_area_depth": division.penalty_area_depth,
+        "penalty_area_width": division.penalty_area_width,
         "center_circle_radius": field.CENTER_CIRCLE_RADIUS_M,
         "line_thickness": field.LINE_WIDTH_M,
     }
@@ -190,7 +196,7 @@ def standard_field() -> FieldSize:
     )
     for name, value in lengths_m.items():
         setattr(size, name, round(MM_PER_M * value))
-    for shape, ends in field.get_field_lines().items():
+    for shape, ends in field.get_field_lines(world).items():
         x1, y1, x2, y2 = (MM_PER_M * end for end in ends)
         size.field_lines.add(
             name=shape.title().replace("_", ""),

@@ -19,8 +19,8 @@ from omni_mj.live.wire.league_pb2 import LocalVelocity, MoveCommand, RobotComman
 # Without a scenario there is no dead time, and a robot stops soon after its last command, as in the
 # league's simulators.
 DEFAULT_OVERRIDES = "radio.delay_frames=0", "firmware.timeout_s=0.1"
-SPACING_M = 0.5  # between robots of a team
-ROBOTS_PER_COLUMN = 6
+SPACING_M = 0.5  # between robots of a team, less on a small field
+ROBOTS_PER_COLUMN, MAX_COLUMNS = 6, 4
 WARM_UP_CYCLES, MEASURED_CYCLES = 32, 192  # to measure the load
 
 
@@ -67,27 +67,32 @@ def parse_robot_ids(text: str, option: str) -> list[int]:
 
 
 def starting_poses(
-    blue: Iterable[int], yellow: Iterable[int], plant: str = "mujoco"
+    blue: Iterable[int], yellow: Iterable[int], chosen: Scenario
 ) -> dict[RobotName, Array]:
     """Return start poses: each team in columns on its half, facing the other team.
 
     Args:
         blue: Numbers of the blue robots.
         yellow: Numbers of the yellow robots.
-        plant: Name of the plant.
+        chosen: Scenario with the plant and the size of the field.
 
     Raises:
         OmniError: There are none, or too many.
     """
-    result = dict[RobotName, Array]()
+    result, world = dict[RobotName, Array](), chosen.settings.world
+    spacing = min(
+        SPACING_M,
+        world.field_length_m / (2 * MAX_COLUMNS),
+        world.field_width_m / ROBOTS_PER_COLUMN,
+    )
     for team, team_numbers, side in ((Team.BLUE, blue, -1.0), (Team.YELLOW, yellow, 1.0)):
         for k, number in enumerate(team_numbers):
-            x = SPACING_M * (1 + k // ROBOTS_PER_COLUMN)
-            y = SPACING_M * ((ROBOTS_PER_COLUMN - 1) / 2 - k % ROBOTS_PER_COLUMN)
+            x = spacing * (1 + k // ROBOTS_PER_COLUMN)
+            y = spacing * ((ROBOTS_PER_COLUMN - 1) / 2 - k % ROBOTS_PER_COLUMN)
             result[team, number] = np.array([side * x, -side * y, 0.0 if side < 0 else np.pi])
-    limit = MAX_ROBOTS[plant]
+    limit = MAX_ROBOTS[chosen.plant]
     if not 1 <= len(result) <= limit:
-        hint = "" if plant == "planar" else f" (--plant planar: {MAX_ROBOTS['planar']})"
+        hint = "" if chosen.plant == "planar" else f" (--plant planar: {MAX_ROBOTS['planar']})"
         raise OmniError(
             f"--blue and --yellow together must be 1 to {limit} robots, got {len(result)}{hint}"
         )

@@ -14,12 +14,13 @@ from omni_control.kinematics import Array, world_to_body
 from omni_mj.config import CYCLE_RATE_HZ, CYCLES_PER_FRAME
 from omni_mj.config.rows import Row
 from omni_mj.config.scenario import Scenario
+from omni_mj.config.world_settings import WorldSettings
 from omni_mj.live.serve.detections import (
     BALL_RADIUS_M,
     FieldCamera,
     Image,
     RobotName,
-    standard_field,
+    describe_field,
 )
 from omni_mj.live.serve.served_planar import ServedPlanar
 from omni_mj.live.serve.served_plant import ServedPlant
@@ -37,9 +38,15 @@ from omni_mj.live.serve.simulation_requests import (
     read_teleport,
     robot_label,
 )
-from omni_mj.live.serve.simulator_config import RobotLimit, read_realism, read_specs
+from omni_mj.live.serve.simulator_config import (
+    RobotLimit,
+    read_field,
+    read_realism,
+    read_specs,
+)
 from omni_mj.live.sockets import MessageCounter
 from omni_mj.live.wire.league_pb2 import (
+    FieldSize,
     Geometry,
     RobotCommand,
     RobotFeedback,
@@ -49,7 +56,6 @@ from omni_mj.live.wire.league_pb2 import (
     Team,
 )
 from omni_mj.mjcf import world_builder
-from omni_mj.mjcf.field import CARPET_SIZE_M
 from omni_mj.network.radio import Radio
 
 PLANTS: dict[str, type[ServedPlant | ServedPlanar]] = {
@@ -95,6 +101,8 @@ class ServedWorld:
         self._headings = dict[RobotName, tuple[float, int]]()
         self._parked = dict[RobotName, Array]()  # poses of robots beyond the walls
         self._limits = dict[RobotName, RobotLimit]()
+        self._field_size = describe_field(scenario.settings.world)
+        self._has_old_walls = False  # until a robot is placed: the field changed without robots
         self._reach = world_builder.build_world(scenario.settings).hull_radius
         self.cameras = list[FieldCamera]()
         for name in poses:
@@ -128,7 +136,7 @@ class ServedWorld:
     def geometry(self) -> Geometry:
         """Return the SSL-Vision message with the geometry of field and cameras."""
         return Geometry(
-            field=standard_field(), calib=[camera.calibration() for camera in self.cameras]
+            field=self._field_size, calib=[camera.calibration() for camera in self.cameras]
         )
 
     def take_images(self) -> list[Image]:
@@ -242,7 +250,7 @@ class ServedWorld:
                 self.plant.remove(self.names.index(name))
         refusals, poses = self._refuse_overlaps(placements)
         errors += refusals
-        if not placements.keys() <= set(self.names):
+        if placements and (self._has_old_walls or not placements.keys() <= set(self.names)):
             self._build(poses)
         for name, (pose, twist) in placements.items():
             self._parked.pop(name, None)
@@ -278,7 +286,7 @@ class ServedWorld:
 
     def _find_obstacle(self, name: RobotName, poses: Mapping[RobotName, Array]) -> str | None:
         """Return "a wall" or "a robot" if the named robot overlaps with one, else None."""
-        if (np.abs(poses[name][:2]) > CARPET_SIZE_M / 2 - self._reach + CLEARANCE_M).any():
+        if self._is_in_wall(poses[name], self._scenario.settings.world):
             return "a wall"
         distances = [
             math.dist(pose[:2], poses[name][:2])
@@ -290,8 +298,14 @@ class ServedWorld:
         )
 
     def configure(self, config: SimulatorConfig) -> list[SimulatorError]:
-        """Apply robot specs and realism, and return errors for the parts that do not apply."""
-        errors, settings = list[SimulatorError](), self._scenario.settings
+        """Apply field, robot specs and realism, and return errors for what does not apply."""
+        errors = list[SimulatorError]()
+        if config.HasField("geometry"):
+            try:
+                self._change_field(config.geometry.field)
+            except Refusal as refusal:
+                errors.append(refusal.error)
+        settings = self._scenario.settings
         for specs in config.robot_specs:
             try:
                 name, self._limits[name], ignored = read_specs(specs, settings, self._limits)
@@ -326,13 +340,41 @@ class ServedWorld:
         packet[:3] = [scale * value for value in packet[:3]]
         packet[WHEELS:] = (scale * rim_speeds).tolist()
 
+    def _change_field(self, size: FieldSize) -> None:
+        """Change the field. Robots stay where they are, at rest.
+
+        Raises:
+            Refusal: The size is not allowed, or a robot would stand in a wall.
+        """
+        settings, poses = read_field(size, self._scenario.settings), self.poses()
+        for name, pose in poses.items():
+            if self._is_in_wall(pose, settings.world):
+                length, width = settings.world.carpet_size_m
+                reason = f"{robot_label(name)} would stand in a wall, {length:g} x {width:g} m"
+                raise Refusal("GEOMETRY", f"{reason} with margins")
+        self._field_size = size
+        if settings.world == self._scenario.settings.world:
+            return
+        self._scenario = self._scenario.replace(settings=settings)
+        if poses:
+            self._build(poses)
+        else:
+            self._build_links()
+            self._has_old_walls = True
+
+    def _is_in_wall(self, pose: Array, world: WorldSettings) -> bool:
+        """Return whether a robot at a pose overlaps a wall or is beyond it."""
+        limits = np.array(world.carpet_size_m) / 2 - self._reach + CLEARANCE_M
+        return bool((np.abs(pose[:2]) > limits).any())
+
     def _is_beyond_walls(self, pose: Array) -> bool:
         """Return whether a robot at a pose is wholly on the other side of a wall."""
-        return bool((np.abs(pose[:2]) > CARPET_SIZE_M / 2 + self._reach).any())
+        carpet_size_m = np.array(self._scenario.settings.world.carpet_size_m)
+        return bool((np.abs(pose[:2]) > carpet_size_m / 2 + self._reach).any())
 
     def _build(self, poses: Mapping[RobotName, Array]) -> None:
         """Build a world with robots at rest at these poses."""
-        self.names, n = list(poses), len(poses)
+        self.names, n, self._has_old_walls = list(poses), len(poses), False
         self._build_links()
         self.plant = PLANTS[self.plant_name](self.rows, np.array([*poses.values()]))
         self.applied = decode_packets(self._packets, np.zeros(n, bool), 0)

@@ -36,7 +36,6 @@ MAX_START_S = 10.0  # simulated time in which all robots are seen before the fir
 MAX_DELAY_S = 0.1  # delay after which the simulation no longer tries to catch up
 MAX_SPEED = 1000.0  # simulated seconds per second
 COMMAND_KINDS = "blue commands", "yellow commands"  # messages that advance time in lockstep
-FIXED = "cannot change while serve runs; see its option --set"
 # Refusals that differ in them only are about one topic, which is printed once.
 TEAM_OR_NUMBER = re.compile(r"blue|yellow|[-+]?\d[\d.e+-]*")
 
@@ -260,11 +259,8 @@ class Server:
             return SimulatorResponse(errors=[*errors, error])
         errors += self.world.teleport(control)
         errors += self.world.configure(config)
-        errors += [
-            Refusal("CONFIG", f"{field.name} {FIXED}").error
-            for field, _ in config.ListFields()
-            if field.name == "geometry"
-        ]
+        if config.HasField("geometry"):
+            self._geometry_due = self.world.cycle
         if 0 < config.vision_port < 65_536:
             self.vision = self.vision._replace(port=config.vision_port)
         elif config.HasField("vision_port"):

@@ -1,4 +1,4 @@
-"""Configuration of the simulator by clients: robot specs and realism, as far as they apply."""
+"""Configuration of the simulator by clients: field, robot specs and realism."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -18,9 +18,11 @@ from omni_mj.live.serve.simulation_requests import (
     read_name,
     robot_label,
 )
+from omni_mj.live.wire import MM_PER_M
 from omni_mj.live.wire.league_pb2 import (
     AnyMessage,
     ErForceRealism,
+    FieldSize,
     RobotSpecs,
     SimulatorError,
 )
@@ -122,6 +124,24 @@ def read_realism(message: AnyMessage, settings: Settings) -> tuple[Settings, lis
         return distributions.replace_values(settings, values), errors
     except (DecodeError, OmniError) as error:
         raise Refusal("REALISM", " ".join(str(error).split())) from None
+
+
+def read_field(size: FieldSize, settings: Settings) -> Settings:
+    """Return the settings with the size of a client's field.
+
+    Raises:
+        Refusal: The field is too small or too large.
+    """
+    sizes_mm = {
+        "world.field_length_m": size.field_length,
+        "world.field_width_m": size.field_width,
+        "world.field_margin_m": size.boundary_width,
+    }
+    values = {name: size_mm / MM_PER_M for name, size_mm in sizes_mm.items()}
+    try:
+        return distributions.replace_values(settings, values)
+    except OmniError as error:
+        raise Refusal("GEOMETRY", " ".join(str(error).split())) from None
 
 
 def _has_wheel_angles(settings: Settings, angles: Sequence[float]) -> bool:

@@ -187,7 +187,7 @@ class ServedRecording(RerunStream):
         time = rrb.TimePanel(timeline=TIME, play_state="following", state="collapsed")
         columns = rrb.Horizontal(field, rrb.Tabs(*plot_views), column_shares=[3, 2])
         self._open(rrb.Blueprint(columns, time, collapse_panels=True), has_index=False)
-        scene.log_field(self._stream)
+        scene.log_field(self._stream, self._settings.world)
 
     def _send_block(self, log: Log) -> None:
         """Send poses and plots of the robots, and hide those that are no longer present."""

@@ -6,6 +6,7 @@ import numpy as np
 import rerun as rr
 
 from omni_control.kinematics import Array
+from omni_mj.config.world_settings import WorldSettings
 from omni_mj.mjcf import field
 from omni_mj.mjcf.field import ROBOT_HEIGHT_M, ROBOT_RADIUS_M
 from omni_mj.viz import style
@@ -32,7 +33,7 @@ ESTIMATES = {"vision": ("measured", ROBOT_HEIGHT_M), "predicted": ("predicted", 
 def log_static(stream: FrameStream, robots: Sequence[RecordedRobot]) -> None:
     """Log everything that does not change except references: field, shapes, colors, widths."""
     stream.log("world", rr.ViewCoordinates.FLU, static=True)
-    log_field(stream)
+    log_field(stream, robots[0].settings.world)
     for robot in robots:
         entity = f"world/{robot.name}"
         log_robot(stream, f"{entity}/robot", robot.color, robot.settings)
@@ -55,30 +56,31 @@ def log_references(stream: FrameStream, references: Sequence[Array]) -> None:
     stream.log("world/reference", lines, static=True)
 
 
-def log_field(stream: FrameStream) -> None:
+def log_field(stream: FrameStream, world: WorldSettings) -> None:
     """Log carpet, lines and goals."""
+    length, width = world.carpet_size_m
     carpet = rr.Boxes3D(
-        half_sizes=[*field.CARPET_SIZE_M / 2, 0.01],
+        half_sizes=[length / 2, width / 2, 0.01],
         centers=[0, 0, -0.011],
         colors=[CARPET_COLOR],
         fill_mode="solid",
     )
     stream.log("world/field/carpet", carpet, static=True)
-    centers, half_sizes = field.get_goal_walls()
+    centers, half_sizes = field.get_goal_walls(world)
     goals = rr.Boxes3D(
         half_sizes=half_sizes, centers=centers, colors=[GOAL_COLOR], fill_mode="solid"
     )
     stream.log("world/field/goals", goals, static=True)
-    strips = [points_above(line, 0.0) for line in field_line_strips()]
+    strips = [points_above(line, 0.0) for line in field_line_strips(world)]
     shape = rr.LineStrips3D(strips, colors=[LINE_COLOR], radii=field.LINE_WIDTH_M / 2)
     stream.log("world/field/lines", shape, static=True)
 
 
-def field_line_strips() -> list[Array]:
+def field_line_strips(world: WorldSettings) -> list[Array]:
     """Return the lines of the field as points (n, 2) each, m."""
     angle = np.linspace(0, 2 * np.pi, 73)
     circle = field.CENTER_CIRCLE_RADIUS_M * np.column_stack([np.cos(angle), np.sin(angle)])
-    return [circle, *np.reshape([*field.get_field_lines().values()], (-1, 2, 2))]
+    return [circle, *np.reshape([*field.get_field_lines(world).values()], (-1, 2, 2))]
 
 
 def measure_scene(references: Sequence[Array]) -> tuple[Array, float]:

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from omni_mj.config.network_settings import RadioSettings, VisionSettings
+from omni_mj.config.network_settings import RadioSettings
 from omni_mj.config.resolve import resolve_settings
 from omni_mj.network.camera import Cameras
 from omni_mj.network.radio import Radio
@@ -27,6 +27,7 @@ def measure_poses(
     faults: Sequence[Sequence[Fault]] = (),
     seeds: Sequence[int] | None = None,
     visions: Sequence[dict[str, Any]] | None = None,
+    world: dict[str, Any] | None = None,
     **vision: Any,
 ) -> tuple[NDArray, NDArray]:
     """Return measured poses (frames, n, 3) and ages (frames, n), s, of true poses.
@@ -36,10 +37,14 @@ def measure_poses(
         faults: Faults of each robot.
         seeds: Seed of each robot. Default: 0.
         visions: Settings of each robot. Default: the same.
+        world: Size of the field. Default: that of division B.
         vision: Settings of all robots.
     """
     n = poses.shape[1]
-    settings = [VisionSettings(**{**vision, **settings_i}) for settings_i in visions or [{}] * n]
+    if visions is None:
+        settings = [resolve_settings({"vision": vision, "world": world or {}})] * n
+    else:
+        settings = [resolve_settings({"vision": {**vision, **row}}) for row in visions]
     row_faults = _resolve_faults(faults or [[]] * n)
     cameras = Cameras(settings, [(seed,) for seed in seeds or [0] * n], row_faults)
     poses_by_frame, ages = [], []

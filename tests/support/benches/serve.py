@@ -48,7 +48,7 @@ class Field:
         poses = initial_setup.starting_poses(
             initial_setup.parse_robot_ids(blue, "--blue"),
             initial_setup.parse_robot_ids(yellow, "--yellow"),
-            chosen.plant,
+            chosen,
         )
         self.said: list[str] = []
         self.pitch = ServedWorld(chosen, poses, MessageCounter(self.said.append))
