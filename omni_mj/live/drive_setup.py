@@ -188,9 +188,13 @@ def _dead_time(trial: Live) -> float:
         if fit is None or fit.alpha < MIN_ALPHA
     ]
     if unresponsive:
+        cameras = sorted(trial.frame_clock.vision.cameras.items())
+        problems = [
+            f"; camera {n}: {camera.age_problem}" for n, camera in cameras if camera.age_problem
+        ]
         raise OmniError(
-            f"robots {', '.join(unresponsive)} do not turn as commanded; check --team and"
-            " --commands, or skip this test with --no-pulse"
+            f"robots {', '.join(unresponsive)} were not seen to turn as commanded; check --team and"
+            f" --commands, or skip this test with --no-pulse{''.join(problems)}"
         )
     latency = float(np.median([fit.latency_frames for fit in fits if fit]))
     trial.messages.add("pulse", f"latency measured by a pulse: {format_latency(latency)}")

@@ -43,12 +43,15 @@ def measure_pulse(live: Live) -> list[LatencyFit | None]:
     return _fit_robots(live, is_turn=True)
 
 
-def fit_latency(velocities: Array, positions: Array, *, is_angle: bool) -> LatencyFit | None:
+def fit_latency(
+    velocities: Array, positions: Array, ages_s: Array, *, is_angle: bool
+) -> LatencyFit | None:
     """Fit displacements over 0.1 s to the integral of earlier velocity commands.
 
     Args:
         velocities: Velocity commands, shape (frames, k), m/s or rad/s.
         positions: Measured positions, shape (frames, k), m or rad; NaN where not measured.
+        ages_s: Time since the positions were measured, shape (frames,), s.
         is_angle: Whether positions are angles.
 
     Returns:
@@ -62,7 +65,8 @@ def fit_latency(velocities: Array, positions: Array, *, is_angle: bool) -> Laten
     measured = displacements[is_visible].T.ravel()
     if np.linalg.norm(measured) < MIN_MOTION:
         return None
-    delayed_frames = np.arange(len(velocities)) - LATENCIES[:, None]
+    capture_frames = np.arange(len(velocities)) - FRAME_RATE_HZ * ages_s
+    delayed_frames = capture_frames - LATENCIES[:, None]
     integrals = np.cumsum(velocities, axis=0).T * PERIOD_S
     paths = [
         np.interp(delayed_frames, np.arange(len(velocities) + 1), [0.0, *integral])
@@ -152,10 +156,16 @@ def format_latency(frames: float) -> str:
 
 
 def _fit_robots(live: Live, *, is_turn: bool) -> list[LatencyFit | None]:
-    """Fit the measured turn or translation of each robot in the log to its commands."""
+    """Fit the measured turn or translation of each robot in the log to its commands.
+
+    Poses extrapolated to the frames would depend on the assumed latency.
+    """
     axes = slice(2, 3) if is_turn else slice(2)
-    commands, poses = (live.log.channel(name)[..., axes] for name in ("applied", "vision"))
+    commands = live.log.channel("applied")[..., axes]
+    measurements = live.measurements[: len(commands)]
+    poses = np.array([pose for pose, _ in measurements])[..., axes]
+    ages_s = np.array([age_s for _, age_s in measurements])
     return [
-        fit_latency(commands[:, row], poses[:, row], is_angle=is_turn)
+        fit_latency(commands[:, row], poses[:, row], ages_s[:, row], is_angle=is_turn)
         for row in range(len(live.rows))
     ]

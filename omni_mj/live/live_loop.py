@@ -87,11 +87,16 @@ class Live(Simulation):
         radio: Sender of the commands.
         max_frames: Number of frames after which the run ends. Default: the end of its references.
 
+    Attributes:
+        measurements: Of each frame, the poses that the outlier gate accepts, (n, 3), and their
+            ages, (n,) s.
+
     Raises:
         OmniError: See `Simulation`.
     """
 
     has_true_poses = False
+    measurements: list[tuple[Array, Array]]
     _sent: Array
     _turn_rates: Array  # newest first
     _commands: Sequence[VelocityCommand]
@@ -184,6 +189,7 @@ class Live(Simulation):
         ]
         self._nominal_latency = np.array(latency)
         self._sent = np.zeros_like(start_poses)
+        self.measurements = []
         self._turn_rates = np.zeros((MEMORY_FRAMES, len(start_poses)))
         self.frame_clock.restart()
         return self._plant, self._plant, self
@@ -191,7 +197,9 @@ class Live(Simulation):
     def observe(self) -> Observation:
         """See `Simulation`. The estimated pose is recorded in place of the unknown true pose."""
         if self._observation is None:
-            vision = super().observe().extrapolated_pose
-            difference = compute_pose_error(vision, self.team.estimate)
+            observation = super().observe()
+            measurement = observation.measured_pose, self._plant.measurement_age
+            self.measurements.append(measurement)
+            difference = compute_pose_error(observation.extrapolated_pose, self.team.estimate)
             self._pose = self.team.estimate + np.nan_to_num(difference)
         return super().observe()

@@ -89,19 +89,27 @@ class VisionCamera:
         frames: Number of frames received, without repetitions.
         restarts: How often its time stamps went back.
         sent_s: Time stamp of the newest frame, s of its clock.
+        age_problem: Why the age of the newest frame counts as zero, or None.
         standstill_s: Time from the newest frame to its last repetition, s; 0 without repetitions.
     """
 
     def __init__(self) -> None:
         self.clock, self.frames, self.sent_s = PeerClock(), 0, -math.inf
         self.restarts, self.standstill_s, self._arrival = 0, 0.0, math.inf
+        self.age_problem: str | None = None
         self._ages = deque[float](maxlen=WINDOW_FRAMES)
         self._intervals = deque[float](maxlen=WINDOW_FRAMES)
 
     def add(self, detection: Detection, arrival: float) -> bool:
         """Add a frame, and return whether it is newer than all previous ones."""
         age = detection.t_sent - detection.t_capture
-        age = age if 0 <= age <= MAX_AGE_S else 0.0
+        self.age_problem = None
+        if not 0 <= age <= MAX_AGE_S:
+            self.age_problem = (
+                f"stamps say that images are sent {age:.4g} s after capture; only ages from 0 to "
+                f"{MAX_AGE_S:g} s are believed"
+            )
+            age = 0.0
         sent_s = detection.t_capture + age
         if abs(sent_s - self.sent_s) > RESTART_S:
             self.clock = PeerClock()
@@ -176,6 +184,9 @@ class SslVision:
         restarts = camera.restarts
         if not camera.add(detection, arrival):
             return False
+        if camera.age_problem:
+            text = f"camera {detection.camera_id}: {camera.age_problem}"
+            self.messages.add("ages not believed", text)
         if camera.restarts > restarts:
             text = f"camera {detection.camera_id}: its time stamps went back; its clock is new"
             self.messages.add("camera restarted", text)

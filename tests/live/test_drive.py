@@ -53,9 +53,10 @@ def test_a_fitted_alpha_is_positive() -> None:
     """A robot with reversed signs follows a sine half a period later, and a ramp not at all."""
     for commands in (np.sin(2 * np.pi * np.arange(200) / 20)[:, None], np.ones((200, 1))):
         late = np.concatenate([np.zeros((4, 1)), 0.8 * np.cumsum(commands, axis=0)[:-4] / 60])
-        fit = fit_latency(commands, late, is_angle=False)
+        ages_s = np.zeros(200)
+        fit = fit_latency(commands, late, ages_s, is_angle=False)
         assert fit == pytest.approx((4.0, 0.8), abs=1.1)
-        reversed_fit = fit_latency(commands, -late, is_angle=False)
+        reversed_fit = fit_latency(commands, -late, ages_s, is_angle=False)
         assert reversed_fit is None or reversed_fit.alpha > 0
     assert reversed_fit is None
 
@@ -166,7 +167,7 @@ REFUSALS = [
         "does not detect 1 robot for the scenario; yellow robots that it detects: none",
     ),
     ({"ids": (4,)}, "does not detect robots 4; blue robots that it detects: 0"),
-    ({"commands": UNUSED_ADDRESS}, "robots 0 do not turn as commanded"),
+    ({"commands": UNUSED_ADDRESS}, "robots 0 were not seen to turn as commanded"),
     ({"radio": "radio.py"}, "--radio must be file.py:Class"),
 ]
 

@@ -8,7 +8,9 @@ from benches.serve import Field, here
 from serve_client import LOOPBACK, Client, local, world
 
 import omni_mj as om
+from omni_control.errors import OmniError
 from omni_mj.live.drive_setup import ConnectionOptions
+from omni_mj.live.live_loop import Live
 from omni_mj.live.wire.league_pb2 import RobotCommand, RobotControl, RobotControlResponse
 
 STEPS = 40
@@ -128,8 +130,8 @@ def test_packets_to_the_simulator_repeat_the_last_image_and_kicks_are_ignored() 
         assert server.messages["kicks"] == 1
 
 
-def drive_in_lockstep(*sets: str) -> tuple[np.ndarray, np.ndarray]:
-    """Drive a robot of `serve`; return true and estimated poses, (frames, 3) each."""
+def drive_in_lockstep(*sets: str, pulse: bool = False) -> tuple[np.ndarray, Live]:
+    """Drive a robot of `serve`; return true poses, (frames, 3), and the drive."""
     field, truth = Field(*sets, plant="planar"), []
     with here(field) as (client, server):
         port = serve_client.free_port()
@@ -145,12 +147,12 @@ def drive_in_lockstep(*sets: str) -> tuple[np.ndarray, np.ndarray]:
             radio=None,
             wait_s=10.0,
             duration_s=None,
-            pulse=False,
+            pulse=pulse,
             overrides=(),
             listen_s=0.4,
         )
         live = drive_live(live_scenario("comp-flc"), options)
-    return np.array(truth), live.log.channel("pose")[:, 0]
+    return np.array(truth), live
 
 
 @pytest.mark.parametrize(
@@ -169,8 +171,9 @@ def test_a_drive_in_lockstep_is_repeatable_and_knows_where_the_robot_is(
     Noise is 1.3 mm. Frames begin up to one period apart from those of the simulator, which costs
     nothing where the best offset between them is taken in steps of a tenth of a frame.
     """
-    truth, belief = drive_in_lockstep(*sets)
-    repeated_truth, repeated_belief = drive_in_lockstep(*sets)
+    truth, live = drive_in_lockstep(*sets)
+    repeated_truth, repeated_live = drive_in_lockstep(*sets)
+    belief, repeated_belief = (run.log.channel("pose")[:, 0] for run in (live, repeated_live))
     np.testing.assert_array_equal(belief, repeated_belief)
     n = min(len(truth), len(repeated_truth))
     np.testing.assert_array_equal(truth[:n], repeated_truth[:n])
@@ -179,3 +182,17 @@ def test_a_drive_in_lockstep_is_repeatable_and_knows_where_the_robot_is(
         shifted = [np.interp(frames + offset, np.arange(len(truth)), truth[:, k]) for k in (0, 1)]
         errors.append(np.abs(np.transpose(shifted) - belief[:, :2]).max())
     assert min(errors) < 0.015
+
+
+def test_the_measured_dead_time_does_not_depend_on_the_age_of_images() -> None:
+    """Within half a frame: a robot turns later than commanded by the lag of its wheels."""
+    sets = "radio.delay_frames=3", "vision.cameras=2"
+    runs = [drive_in_lockstep(f"vision.delay_s={s}", *sets, pulse=True)[1] for s in (0.0, 0.2)]
+    delays = [live.scenario.settings.radio.delay_frames for live in runs]
+    assert delays == pytest.approx([3.2, 3.2], abs=0.5)
+
+
+def test_an_age_that_is_not_believed_is_named() -> None:
+    """Robots that are seen a second later seem not to turn during the pulse."""
+    with pytest.raises(OmniError, match=r"not seen to turn.* sent 1 s after .* from 0 to 0\.25 s"):
+        drive_in_lockstep("vision.delay_s=1", pulse=True)

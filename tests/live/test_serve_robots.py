@@ -135,6 +135,14 @@ def test_walls_hold_a_robot_that_drives_into_a_corner(
     assert (field.poses[0, :2] > room - 0.02).all()
 
 
+def test_teams_start_apart_within_a_small_field() -> None:
+    size = "world.field_length_m=3", "world.field_width_m=2", "world.field_margin_m=0"
+    poses = Field(*QUIET, *size, blue="11", yellow="11", plant="planar").poses
+    assert (np.abs(poses[:, :2]) < np.array([1.5, 1.0]) - RADIUS_M).all()
+    distances = np.linalg.norm(poses[:, None, :2] - poses[:, :2], axis=2)
+    assert distances[np.triu_indices(22, 1)].min() > 2 * RADIUS_M
+
+
 def test_a_teleport_gives_the_velocity_it_says() -> None:
     """A robot placed and commanded at 1 m/s is 0.1 m further after 0.1 s, less creep and drag."""
     field = Field(*QUIET, FAST, "firmware.timeout_s=0")

@@ -259,8 +259,6 @@ class Server:
             return SimulatorResponse(errors=[*errors, error])
         errors += self.world.teleport(control)
         errors += self.world.configure(config)
-        if config.HasField("geometry"):
-            self._geometry_due = self.world.cycle
         if 0 < config.vision_port < 65_536:
             self.vision = self.vision._replace(port=config.vision_port)
         elif config.HasField("vision_port"):
