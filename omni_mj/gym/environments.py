@@ -1,9 +1,10 @@
 """Gymnasium environments `omni_mj/Track-v0`: robots that follow the reference of a scenario."""
 
 import math
-from collections.abc import Hashable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from itertools import starmap
-from typing import Any
+from typing import Any, Literal
 
 import gymnasium
 import numpy as np
@@ -99,23 +100,19 @@ class TrackVectorEnv(VectorEnv[Numbers, Numbers, Numbers]):
         render_mode: str | None = None,
         **changes: Any,
     ) -> None:
-        allowed_modes = [AutoresetMode.NEXT_STEP, AutoresetMode.DISABLED]
-        modes: dict[Any, AutoresetMode] = {
-            name: mode for mode in allowed_modes for name in (mode, mode.value)
-        }
-        # Arrays and lists have no hash, and arrays no single truth value.
-        if not isinstance(autoreset_mode, Hashable) or autoreset_mode not in modes:
+        if isinstance(autoreset_mode, str):
+            with suppress(ValueError):
+                autoreset_mode = AutoresetMode(autoreset_mode)
+        is_mode = isinstance(autoreset_mode, AutoresetMode)
+        if not is_mode or autoreset_mode is AutoresetMode.SAME_STEP:
             raise OmniError(
                 f"autoreset_mode must be NextStep or Disabled, got {format_value(autoreset_mode)}"
             )
-        if not isinstance(render_mode, str | None) or render_mode not in (
-            None,
-            *TrackEnv.metadata["render_modes"],
-        ):
+        if not fits_annotation(render_mode, Literal["rgb_array"] | None):
             raise OmniError(
                 f"render_mode must be 'rgb_array' or None, got {format_value(render_mode)}"
             )
-        self.autoreset_mode, self.render_mode = modes[autoreset_mode], render_mode
+        self.autoreset_mode, self.render_mode = autoreset_mode, render_mode
         num_envs = check_integer("num_envs", num_envs, 1, MAX_ENVS)
         loaded = _load_single_robot_scenario(scenario, changes)
         if history_length is None:
