@@ -65,7 +65,7 @@ class MotorSettings(SettingsModel):
         high=2,
     )
     rotor_inertia_kg_m2: float = setting(
-        FROM_ROBOT, "datasheet: rotor inertia", "kg m^2", low=0, high=1
+        FROM_ROBOT, "datasheet: rotor inertia", "kg m^2", low=0, high=1e-3
     )
     gear_ratio: float = setting(
         FROM_ROBOT, "gear ratio: turns of the motor per turn of the wheel", low=1, high=1000

@@ -1,7 +1,8 @@
 """Settings of the robot: body, wheels, drivetrain, firmware, sensors and battery."""
 
 import math
-from collections.abc import Iterator
+import warnings
+from collections.abc import Iterator, Sequence
 from itertools import pairwise
 from typing import Literal, NamedTuple
 
@@ -83,7 +84,29 @@ class WheelSettings(SettingsModel):
     @field_validator("azimuths_deg")
     @classmethod
     def _order_wheels(cls, azimuths: tuple[float, ...]) -> tuple[float, ...]:
-        """Return the azimuths from forward, counter-clockwise, so that wheel 1 is front left."""
+        """Return the azimuths from forward, counter-clockwise, so that wheel 1 is front left.
+
+        Warn of a layout whose left and right differ, but not its front and rear: teams also give
+        the directions in which wheels roll, or count from the left.
+
+        Raises:
+            ValueError: The azimuths are in radians.
+        """
+        if max(map(abs, azimuths)) <= math.tau:
+            degrees = [round(math.degrees(azimuth), 1) for azimuth in azimuths]
+            raise ValueError(
+                f"wheels.azimuths_deg must be in degrees, not {list(azimuths)}; "
+                f"did you mean {degrees}?"
+            )
+        turned = [[azimuth + turn for azimuth in azimuths] for turn in (-90, 90)]
+        if not _is_symmetric(azimuths) and _is_symmetric(turned[0]):
+            choices = " or ".join(str([round(a % 360, 3) for a in layout]) for layout in turned)
+            warnings.warn(
+                f"wheels.azimuths_deg = {list(azimuths)} differ between left and right; they are "
+                "the directions to the wheels, counter-clockwise from forward; did you mean "
+                f"{choices}?",
+                stacklevel=2,
+            )
         return tuple(sorted(azimuths, key=lambda azimuth: round(azimuth, AZIMUTH_DIGITS) % 360))
 
     @property
@@ -307,6 +330,14 @@ class BatterySettings(SettingsModel):
         low=0,
         high=60,
     )
+
+
+def _is_symmetric(azimuths: Sequence[float]) -> bool:
+    """Return whether azimuths in deg are symmetric about the forward direction."""
+    left, right = (
+        sorted(round(sign * azimuth, 3) % 360 for azimuth in azimuths) for sign in (1, -1)
+    )
+    return left == right
 
 
 def compute_roller_depth(radius: float, roller_radius: float, angle: float) -> float:

@@ -1,6 +1,7 @@
 """Robots: their files, contradictory numbers, and the assumptions of their teams."""
 
 import math
+import warnings
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -352,6 +353,27 @@ def test_a_gear_written_the_other_way_round_is_named(ratio: float) -> None:
     message = find_error(motor={"gear_ratio": ratio})
     assert f"not {ratio!r}; did you mean {1 / ratio:.3g}?" in message
     assert not find_error(motor={"gear_ratio": float(f"{1 / ratio:.3g}")})
+
+
+def test_azimuths_in_other_conventions_are_named() -> None:
+    """Radians, directions of rolling, from the left; not other orders of valid layouts."""
+    for azimuths, meant in (
+        ([1.047, 2.356, 3.927, 5.236], "[60.0, 135.0, 225.0, 300.0]?"),
+        ([-30, 45, 135, 210], "or [60.0, 135.0, 225.0, 300.0]?"),
+        ([150, 225, 315, 30], "did you mean [60.0, 135.0, 225.0, 300.0] or"),
+        ([30, 150, 270], "[300.0, 60.0, 180.0] or"),
+    ):
+        with warnings.catch_warnings(record=True) as caught:
+            message = find_error(wheels={"azimuths_deg": azimuths})
+        assert meant in message + "".join(str(warning.message) for warning in caught)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        for n in range(3, 9):
+            layout = [360 / n * (i + 0.5) for i in range(n)]
+            for azimuths in (layout, layout[::-1], [-a for a in layout], layout[1:] + layout[:1]):
+                assert not find_error(wheels={"azimuths_deg": azimuths})
+        assert not find_error(wheels={"azimuths_deg": [50, 130, 200, 330]})
+    assert "(0 to 0.001 kg m^2), not 0.135" in find_error(motor={"rotor_inertia_kg_m2": 0.135})
 
 
 def test_long_lists_of_wrong_values_stop_at_the_first_few() -> None:
