@@ -45,12 +45,16 @@ def place_walls(spec: mujoco.MjSpec, carpet_size_m: tuple[float, float]) -> None
     """Change carpet and walls of models/field.xml to another size, (2,) m along x and y."""
     half_length, half_width = carpet_size_m[0] / 2, carpet_size_m[1] / 2
     spec.geom("carpet").size[:2] = half_length, half_width
-    for side, sign in (("front", 1), ("back", -1)):
-        spec.geom(f"wall_{side}").pos[0] = sign * half_length
-        spec.geom(f"wall_{side}").size[0] = half_width
-    for side, sign in (("left", 1), ("right", -1)):
-        spec.geom(f"wall_{side}").pos[1] = sign * half_width
-        spec.geom(f"wall_{side}").size[0] = half_length
+    walls_xy = {
+        "front": (half_length, 0),
+        "back": (-half_length, 0),
+        "left": (0, half_width),
+        "right": (0, -half_width),
+    }
+    for side, (x, y) in walls_xy.items():
+        wall = spec.geom(f"wall_{side}")
+        wall.pos[:2] = x, y
+        wall.size[0] = half_width if x else half_length
 
 
 def get_field_lines(world: WorldSettings) -> dict[str, tuple[float, float, float, float]]:

@@ -8,13 +8,7 @@ import serve_client
 from benches.serve import FAST, QUIET, Field, here
 from serve_client import BLUE, YELLOW, local
 
-from omni_mj.live.wire.league_pb2 import FieldSize, Geometry, SimulatorCommand, SimulatorConfig
-
-REFUSED_FIELD = Geometry(
-    field=FieldSize(
-        field_length=800, field_width=6000, goal_width=1000, goal_depth=180, boundary_width=300
-    )
-)
+from omni_mj.live.wire.league_pb2 import SimulatorCommand, SimulatorConfig
 
 
 def test_robots_come_and_go() -> None:
@@ -48,9 +42,9 @@ def test_what_cannot_be_is_refused_and_the_rest_is_done() -> None:
             1, BLUE, x=1.05, y=0.0
         )  # one message, merged
         assert client.codes(0, both) == ["OCCUPIED", "OCCUPIED"]
-        config = SimulatorConfig(geometry=REFUSED_FIELD, vision_port=70_000)
+        config = SimulatorConfig(vision_port=70_000)
         packet = SimulatorCommand(config=config).SerializeToString()
-        assert client.codes(0, packet) == ["GEOMETRY", "CONFIG"]
+        assert client.codes(0, packet) == ["CONFIG"]
         assert client.codes(0, serve_client.teleport(0, BLUE, x=5.15, y=0.0)) == [
             "OCCUPIED"
         ]  # the wall is at 5.2 m

@@ -20,7 +20,7 @@ from omni_mj.live.wire.league_pb2 import LocalVelocity, MoveCommand, RobotComman
 # league's simulators.
 DEFAULT_OVERRIDES = "radio.delay_frames=0", "firmware.timeout_s=0.1"
 SPACING_M = 0.5  # between robots of a team, less on a small field
-ROBOTS_PER_COLUMN, MAX_COLUMNS = 6, 4
+ROBOTS_PER_COLUMN = 6  # a team has at most three columns
 WARM_UP_CYCLES, MEASURED_CYCLES = 32, 192  # to measure the load
 
 
@@ -80,11 +80,7 @@ def starting_poses(
         OmniError: There are none, or too many.
     """
     result, world = dict[RobotName, Array](), chosen.settings.world
-    spacing = min(
-        SPACING_M,
-        world.field_length_m / (2 * MAX_COLUMNS),
-        world.field_width_m / ROBOTS_PER_COLUMN,
-    )
+    spacing = min(SPACING_M, world.field_length_m / 8, world.field_width_m / ROBOTS_PER_COLUMN)
     for team, team_numbers, side in ((Team.BLUE, blue, -1.0), (Team.YELLOW, yellow, 1.0)):
         for k, number in enumerate(team_numbers):
             x = spacing * (1 + k // ROBOTS_PER_COLUMN)

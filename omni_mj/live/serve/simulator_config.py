@@ -132,12 +132,11 @@ def read_field(size: FieldSize, settings: Settings) -> Settings:
     Raises:
         Refusal: The field is too small or too large.
     """
-    sizes_mm = {
-        "world.field_length_m": size.field_length,
-        "world.field_width_m": size.field_width,
-        "world.field_margin_m": size.boundary_width,
+    values = {
+        "world.field_length_m": size.field_length / MM_PER_M,
+        "world.field_width_m": size.field_width / MM_PER_M,
+        "world.field_margin_m": size.boundary_width / MM_PER_M,
     }
-    values = {name: size_mm / MM_PER_M for name, size_mm in sizes_mm.items()}
     try:
         return distributions.replace_values(settings, values)
     except OmniError as error:
