@@ -360,7 +360,6 @@ def test_azimuths_in_other_conventions_are_named() -> None:
     for azimuths, meant in (
         ([1.047, 2.356, 3.927, 5.236], "[60.0, 135.0, 225.0, 300.0]?"),
         ([-30, 45, 135, 210], "or [60.0, 135.0, 225.0, 300.0]?"),
-        ([150, 225, 315, 30], "did you mean [60.0, 135.0, 225.0, 300.0] or"),
         ([30, 150, 270], "[300.0, 60.0, 180.0] or"),
     ):
         with warnings.catch_warnings(record=True) as caught:
@@ -370,8 +369,8 @@ def test_azimuths_in_other_conventions_are_named() -> None:
         warnings.simplefilter("error")
         for n in range(3, 9):
             layout = [360 / n * (i + 0.5) for i in range(n)]
-            for azimuths in (layout, layout[::-1], [-a for a in layout], layout[1:] + layout[:1]):
-                assert not find_error(wheels={"azimuths_deg": azimuths})
+            assert not find_error(wheels={"azimuths_deg": layout[1:] + layout[:1]})
+            assert not find_error(wheels={"azimuths_deg": [-azimuth for azimuth in layout]})
         assert not find_error(wheels={"azimuths_deg": [50, 130, 200, 330]})
     assert "(0 to 0.001 kg m^2), not 0.135" in find_error(motor={"rotor_inertia_kg_m2": 0.135})
 

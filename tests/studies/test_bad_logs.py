@@ -145,16 +145,8 @@ def test_ten_lines_per_second_suffice(tmp_path: Path) -> None:
     assert creep.value == pytest.approx(CREEP_STIFFNESS, abs=5 * creep.standard_error)
 
 
-def test_repeated_lines_and_poses_are_ignored(tmp_path: Path) -> None:
+def test_repeated_poses_are_ignored(tmp_path: Path) -> None:
     """A log at 240 Hz that repeats the poses of a 60 Hz camera has the same poses."""
-    (plain,) = read_logs(write_parquet(tmp_path / "log.parquet", complete_log()))
-    (twice,) = read_logs(
-        write_parquet(
-            tmp_path / "log.parquet",
-            {name: np.repeat(values, 2) for name, values in complete_log().items()},
-        )
-    )
-    np.testing.assert_array_equal(twice.pose, plain.pose)
     repeated = {name: np.repeat(values, 4) for name, values in complete_log().items()}
     repeated["time_s"] = np.arange(len(repeated["x_m"])) / 240
     (log,) = read_logs(write_parquet(tmp_path / "log.parquet", repeated))

@@ -254,7 +254,6 @@ MIRRORED = "x or y is mirrored, or they are swapped"
 WRONG: dict[str, tuple[Callable[[Columns], Columns], str]] = {
     "wheel 2": (lambda log: log | {WHEELS[1]: -log[WHEELS[1]]}, "wheel 2 turns the other way"),
     "wheels 1 and 2": (lambda log: swapped(log, WHEELS[0], WHEELS[1]), "turn as 2, 1, 3, 4 of"),
-    "wheels 1 and 3": (lambda log: swapped(log, WHEELS[0], WHEELS[2]), "turn as 3, 2, 1, 4 of"),
     "all wheels": (
         lambda log: log | {name: -log[name] for name in WHEELS},
         "wheels 1, 2, 3, 4 turn the other way",
@@ -289,7 +288,6 @@ BAD: dict[str, tuple[Callable[[Columns], Columns], str]] = {
         "turns .* as fast as the commands say",
     ),
     "swapped": (lambda c: swapped(c, *COMMAND[:2]), MIRRORED),
-    "mirrored": (lambda c: c | {COMMAND[1]: -c[COMMAND[1]]}, MIRRORED),
     "clockwise": (lambda c: c | {"heading_rad": -c["heading_rad"]}, "headings turn clockwise"),
     "turned": (lambda c: c | {"x_m": -c["x_m"], "y_m": -c["y_m"]}, "rotated by -?1[78]. degrees"),
     "body": (

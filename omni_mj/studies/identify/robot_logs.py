@@ -123,11 +123,11 @@ class Source(NamedTuple):
 
     Attributes:
         name: Its name in the file.
-        factor: Factor to SI units; None for dates, which need no unit.
+        factor: Factor to SI units; 0 for dates, which need no unit.
     """
 
     name: str
-    factor: float | None
+    factor: float
 
 
 class CsvHeader(NamedTuple):
@@ -215,12 +215,11 @@ def _group_lines(columns: Columns) -> dict[str, list[int]]:
 
     Without such columns, all lines belong to the key "".
     """
-    keys = [columns[key].tolist() for key in ROBOT_COLUMNS if key in columns]
-    if not keys:
-        return {"": list(range(len(columns["time_s"])))}
+    keys = [columns[key] for key in ROBOT_COLUMNS if key in columns]
     groups = dict[str, list[int]]()
-    for line, values in enumerate(zip(*keys, strict=True)):
-        groups.setdefault(to_printable(" ".join(map(str, values)), 100), []).append(line)
+    for line in range(len(columns["time_s"])):
+        robot = to_printable(" ".join(str(key[line]) for key in keys), 100)
+        groups.setdefault(robot, []).append(line)
     return groups
 
 
@@ -451,7 +450,7 @@ def _find_known_columns(names: Sequence[str]) -> dict[str, Source]:
         sources[known_name] = Source(name, factor)
     for name, (other_name, _) in zip(names, normalized, strict=True):
         if other_name in DATE_COLUMNS:
-            sources.setdefault("time_s", Source(name, None))
+            sources.setdefault("time_s", Source(name, 0.0))
     for name in ("time_s", *_pose_columns(sources)):
         if name not in sources:
             raise OmniError(
@@ -552,12 +551,9 @@ def _to_array(column: pa.ChunkedArray, name: str, source: Source) -> np.ndarray:
     if name == "time_s":
         return _to_seconds(column, source)
     try:
-        numbers: Array = column.cast("float64").to_numpy()
+        return np.asarray(source.factor * column.cast("float64").to_numpy())
     except pa.ArrowException as error:
-        reason = to_printable(str(error), 200)
-        raise OmniError(f"column {name} must hold numbers: {reason}") from None
-    assert source.factor is not None
-    return source.factor * numbers
+        raise OmniError(f"column {name} must hold numbers: {error}") from None
 
 
 def _to_seconds(column: pa.ChunkedArray, source: Source) -> Array:
@@ -571,7 +567,7 @@ def _to_seconds(column: pa.ChunkedArray, source: Source) -> Array:
         column = pc.subtract_checked(column, pc.min(column))
     with suppress(pa.ArrowException):
         numbers: Array = column.cast("float64").to_numpy()
-        if source.factor is None:
+        if not source.factor:
             raise OmniError(f"column {source.name} has no unit; call it time_s, time_ms or time_ns")
         return source.factor * numbers
     for date_type in DATE_TYPES:
