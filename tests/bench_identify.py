@@ -49,19 +49,20 @@ from omni_mj.studies.run_scenario import run_simulation
 ROBOTS = ("tigers-v2016", "tigers-v2020", "ssl-a-team", "robojackets", "roboteam-twente")
 # Omni3's encoder and gear; its wheels turn the other way than ours
 COUNTS_PER_RAD = -1024 * 12 / (2 * np.pi)
-OMNI3 = {  # mass, inertias, height and rollers are guesses
-    "body.mass_kg": "10.0",
-    "body.com_x_m": "0.0",
-    "body.com_height_m": "0.1",
-    "body.yaw_inertia_kg_m2": "0.25",
-    "body.tilt_inertia_kg_m2": "0.2",
-    "wheels.azimuths_deg": "[300, 60, 180]",
-    "wheels.arm_m": "0.195",
-    "wheels.radius_m": "0.051",
-    "wheels.rollers": "18",
-    "wheels.roller_radius_m": "0.005",
-    "carpet.rolling_resistance": "0.1",
-}
+# Mass, inertias, height and rollers are guesses.
+OMNI3 = """
+body.mass_kg = 10.0
+body.com_x_m = 0.0
+body.com_height_m = 0.1
+body.yaw_inertia_kg_m2 = 0.25
+body.tilt_inertia_kg_m2 = 0.2
+wheels.azimuths_deg = [300, 60, 180]
+wheels.arm_m = 0.195
+wheels.radius_m = 0.051
+wheels.rollers = 18
+wheels.roller_radius_m = 0.005
+carpet.rolling_resistance = 0.1
+"""
 ROBOCIN_COLUMNS = (
     "gain_forward",
     "gain_sideways",
@@ -235,7 +236,8 @@ def coverage(logs: int, folder: Path) -> Table:
 
 def measured(runs: Path, folder: Path) -> Table:
     """Return the estimates of each run of omni3."""
-    robot = write_robot(folder / "omni3.toml", robot_files.DEFAULT_ROBOT, OMNI3)
+    changes = dict(line.split(" = ") for line in OMNI3.strip().splitlines())
+    robot = write_robot(folder / "omni3.toml", robot_files.DEFAULT_ROBOT, changes)
     rows = []
     for path in sorted(runs.glob("*_run-*.csv")):
         data = np.loadtxt(path, delimiter=",")

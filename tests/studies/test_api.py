@@ -28,6 +28,7 @@ sim.reset(seed=0)
 sim.observe()
 sim.step()
 """
+SHORT = om.load_scenario("rect", plant="kinematic", reference={"waypoints": [[0, 0], [0.2, 0]]})
 
 
 def test_documented_example_runs(
@@ -61,17 +62,8 @@ def test_public_names_are_not_replaced_by_modules() -> None:
         "omni_mj.studies.compare_study",
     ):
         importlib.import_module(module)
-    for name in (
-        "load_scenario",
-        "load_robot",
-        "run",
-        "compare",
-        "find_limit",
-        "measure_alpha",
-        "measure_slip",
-        "verify",
-        "identify",
-    ):
+    functions = "load_scenario load_robot run compare find_limit measure_alpha measure_slip"
+    for name in f"{functions} verify identify".split():
         assert isinstance(getattr(om, name), types.FunctionType)
     for name in ("Controller", "OmniError", "Scenario", "Simulation", "Result"):
         assert isinstance(getattr(om, name), type)
@@ -92,9 +84,8 @@ def test_subject_gets_a_verdict_and_a_raising_controller_fails_alone() -> None:
                 raise RuntimeError("out of ideas")
             return np.zeros((len(self.predicted_pose), 3))
 
-    short = om.load_scenario("rect", plant="kinematic", reference={"waypoints": [[0, 0], [0.2, 0]]})
     both_runs, single_run = (
-        om.run(short, kinds, range(2), subject="flc") for kinds in (["flc", Late], ["flc"])
+        om.run(SHORT, kinds, range(2), subject="flc") for kinds in (["flc", Late], ["flc"])
     )
     assert [(f.controller, f.seed, f.time_s) for f in both_runs.failures] == [
         ("Late", 0, 0.5),
@@ -112,10 +103,7 @@ def test_subject_gets_a_verdict_and_a_raising_controller_fails_alone() -> None:
 
 
 def test_a_number_of_seeds_starts_at_zero() -> None:
-    short = om.load_scenario(
-        "rect", plant="kinematic", reference={"waypoints": [[0, 0], [0.2, 0]]}, seed=5
-    )
-    assert om.run(short, ["flc"], 2).seeds == [0, 1]
+    assert om.run(SHORT.replace(seed=5), ["flc"], 2).seeds == [0, 1]
 
 
 def test_seeds_that_are_not_consecutive_are_rejected() -> None:
@@ -125,17 +113,11 @@ def test_seeds_that_are_not_consecutive_are_rejected() -> None:
 
 
 def test_one_controller_needs_no_list_and_a_subject_must_be_run() -> None:
-    short = om.load_scenario(
-        "rect", plant="kinematic", reference={"waypoints": [[0, 0], [0.2, 0.1]]}
-    )
-    assert (
-        om.run(short, "flc").controllers
-        == om.compare([short], "flc", seeds=1).controllers
-        == ["flc"]
-    )
+    comparison = om.compare([SHORT], "flc", seeds=1)
+    assert om.run(SHORT, "flc").controllers == comparison.controllers == ["flc"]
     with pytest.raises(
         om.OmniError, match="the subject 'p' is not among the controllers; choose from flc"
     ):
-        om.run(short, "flc", subject="p")
+        om.run(SHORT, "flc", subject="p")
     with pytest.raises(om.OmniError, match=r"scenario must be Scenario \| str, got 5"):
         om.run(5)
