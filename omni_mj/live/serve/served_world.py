@@ -350,8 +350,9 @@ class ServedWorld:
         for name, pose in poses.items():
             if self._is_in_wall(pose, settings.world):
                 length, width = settings.world.carpet_size_m
-                reason = f"{robot_label(name)} would stand in a wall, {length:g} x {width:g} m"
-                raise Refusal("GEOMETRY", f"{reason} with margins")
+                size_text = f"with margins the field has {length:g} x {width:g} m"
+                reason = f"{robot_label(name)} would stand in a wall; {size_text}"
+                raise Refusal("GEOMETRY", reason)
         self._field_size = size
         if settings.world == self._scenario.settings.world:
             return
