@@ -125,13 +125,13 @@ def write_files(folder: Path, files: Mapping[str, bytes]) -> None:
             file.write(data)
 
 
-def encode_json(content: Mapping[str, Any]) -> bytes:
+def encode_json(content: Mapping[str, Any]) -> str:
     """Return a mapping as strict JSON.
 
     Raises:
         ValueError: A number is NaN or infinite.
     """
-    return f"{json.dumps(content, indent=2, allow_nan=False)}\n".encode()
+    return json.dumps(content, indent=2, allow_nan=False) + "\n"
 
 
 def write_json(path: Path, content: Mapping[str, Any]) -> None:
@@ -141,7 +141,7 @@ def write_json(path: Path, content: Mapping[str, Any]) -> None:
         OSError: See `open_atomic`.
         ValueError: See `encode_json`.
     """
-    write_files(path.parent, {path.name: encode_json(content)})
+    write_text(path, encode_json(content))
 
 
 def read_regular_file(path: Path, max_bytes: int) -> bytes:

@@ -161,7 +161,7 @@ class IdentificationResult:
 
         The last file is identify.json, so a folder that has it is complete.
         """
-        report = encode_json(self.report())
+        report = encode_json(self.report()).encode()
         trusted_sources = [
             source
             for source, prediction in self.predictions.items()
