@@ -30,7 +30,6 @@ ROUNDS = 3  # the fastest counts, because other work on the machine only adds ti
 
 DRIVE = ["reference.waypoints=[[0, 0], [1, 0.5]]", "reference.settle_s=0"]
 SHORT = ["reference.waypoints=[[0, 0], [0.1, 0.05]]", "reference.settle_s=0"]  # for many robots
-FRAMES = "p", "flc", "comp-flc", "adaptive-comp-flc", "lqr", "mpc"
 BACKENDS, SCOPES = ("numpy", "jax"), ("plant ", "loop ")
 CASES = (1, "rollers"), (1, "two-rollers"), (16, "rollers"), (64, "rollers"), (64, "two-rollers")
 PLANAR = 1, 64, 1024
@@ -117,17 +116,6 @@ def report_planar(robots: int) -> dict[str, float]:
     return {name: simulated / used for name, used in times.items()}
 
 
-def report_frames(controller: str) -> dict[str, float]:
-    """Return CPU times of a frame of one robot on `planar` with the whole loop, ms, by backend."""
-    tasks, frames = {}, 0
-    for backend in BACKENDS:
-        head = {"plant": "planar", "seeds": 1, "controllers": (controller,)}
-        chosen = scenario.load_with_overrides("rect", [*DRIVE, f"physics.backend={backend}"], head)
-        frames = Simulation(chosen).run().length
-        tasks[f"{backend}, ms"] = partial(_prepare_loop, chosen)
-    return {name: 1e3 * used / frames for name, used in measure_fastest(tasks, ROUNDS).items()}
-
-
 def _make_tasks(
     chosen: dict[str, Scenario], commands: Sequence[ReceivedCommand]
 ) -> dict[str, Prepare]:
@@ -192,10 +180,6 @@ def main() -> None:
     )
     for robots in PLANAR:
         show(f"{robots}, planar", report_planar(robots))
-    print("\na frame of one robot on planar through the whole loop, ms of CPU time")
-    print(f"{'controller':24s}", *(f"{backend:>14s}" for backend in BACKENDS))
-    for name in FRAMES:
-        show(f"{name}, planar", report_frames(name))
     record = provenance.describe_environment() | {"cores": len(os.sched_getaffinity(0))}
     OUT.write_text(json.dumps(record | {"ratios": results}, indent=2) + "\n")
     print(f"\n{OUT}")

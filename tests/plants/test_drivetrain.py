@@ -19,7 +19,6 @@ from numpy.typing import NDArray
 import omni_mj as om
 from omni_mj.mjcf.robot_builder import build_robot_spec
 
-FORWARD = (1.0, 0.0, 0.0)
 ROLL_OUT_DRAG_N = 2.7  # of the robot ssl-a-team, forward
 STANDING = constant((0, 0, 0), 10, 2)
 IDEAL = noiseless(
@@ -97,20 +96,6 @@ def test_acceleration_triangles_of_ssl_a_team_are_not_exceeded(plant_of: PlantOf
     assert abs(errors[1]) < 0.01, "tuned as the real robot"
     assert (published < errors).all()
     assert (errors < 0.02).all()
-
-
-@WHEELED_PLANTS
-def test_cruising_needs_more_current_the_lower_the_efficiency(plant_of: PlantOf) -> None:
-    """The force of the motors is that of rolling resistance over the efficiency."""
-    lossy = IDEAL.replace(drivetrain={"gear_efficiency": 0.6}, carpet={"rolling_resistance": 0.1})
-    plant = plant_of([lossy, lossy.replace(drivetrain={"gear_efficiency": 1.0})])
-    drive(plant, constant(FORWARD, 60, 2))
-    currents = np.zeros((2, 4))
-    for command in constant(FORWARD, 20, 2):
-        drive(plant, command[None])
-        currents += plant.telemetry().current_mean / 20
-    forces = currents @ TANGENTS[:, 0] * lossy.motor.wheel_back_emf_v_s / RADIUS_M
-    assert forces[1] / forces[0] == pytest.approx(0.6, rel=0.02)
 
 
 @pytest.mark.parametrize("plant", ["mujoco", "planar"])

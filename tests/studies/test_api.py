@@ -75,33 +75,6 @@ def test_public_names_are_not_replaced_by_modules() -> None:
     assert done.stdout.split() == ["run", "omni_mj.studies.run_scenario"]
 
 
-def test_subject_gets_a_verdict_and_a_raising_controller_fails_alone() -> None:
-    """Its row has time and cause of the failure; the other row equals a separate run."""
-
-    class Late(om.Controller):
-        def command(self, frame: int, observation: object) -> np.ndarray:
-            if frame == 30:
-                raise RuntimeError("out of ideas")
-            return np.zeros((len(self.predicted_pose), 3))
-
-    both_runs, single_run = (
-        om.run(SHORT, kinds, range(2), subject="flc") for kinds in (["flc", Late], ["flc"])
-    )
-    assert [(f.controller, f.seed, f.time_s) for f in both_runs.failures] == [
-        ("Late", 0, 0.5),
-        ("Late", 1, 0.5),
-    ]
-    assert all("out of ideas" in f.cause for f in both_runs.failures)
-    entry, single_entry = (
-        result.summary()["scenarios"]["rect"] for result in (both_runs, single_run)
-    )
-    assert entry["results"]["flc"] == single_entry["results"]["flc"]
-    assert entry["results"]["Late"]["n_failed"] == 2
-    assert entry["verdict"]["errors"]["max"]["beats"] == ["Late"]
-    assert both_runs.complete
-    assert "Late (failed 2 of 2)" in both_runs.table()
-
-
 def test_a_number_of_seeds_starts_at_zero() -> None:
     assert om.run(SHORT.replace(seed=5), ["flc"], 2).seeds == [0, 1]
 

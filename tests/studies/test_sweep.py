@@ -116,15 +116,6 @@ def test_robots_with_different_wheels_do_not_share_a_batch(tmp_path: Path) -> No
     ]
 
 
-@pytest.mark.parametrize("batch_size", [1, 5])
-def test_results_do_not_depend_on_batch_size(
-    complete_sweep: bench.SweepResult, tmp_path: Path, batch_size: int
-) -> None:
-    again = run_sweep(tmp_path / "sweep", batch_size=batch_size)
-    assert len(again.plan.shards) > len(complete_sweep.plan.shards)
-    assert bits(again.rows()) == bits(complete_sweep.rows())
-
-
 def test_stopped_sweep_continues_without_repeating_shards(
     complete_sweep: bench.SweepResult, tmp_path: Path
 ) -> None:
