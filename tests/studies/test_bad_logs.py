@@ -223,9 +223,11 @@ def test_held_commands_and_coarse_wheels_are_named(tmp_path: Path) -> None:
     log = short_log()
     (read,) = read_logs(write_parquet(tmp_path / "log.parquet", log))
     assert not read.remarks
-    held = {name: log[name][np.arange(180) // 3 * 3] for name in COMMAND}
-    (read,) = read_logs(write_parquet(tmp_path / "log.parquet", log | held))
-    assert "commands change every 0.05 s" in read.remarks[0]
+    for hold, remarks in ((3, 1), (45, 0)):  # a logger at 20 Hz, or a robot that drives steps
+        held = {name: log[name][np.arange(180) // hold * hold] for name in COMMAND}
+        (read,) = read_logs(write_parquet(tmp_path / "log.parquet", log | held))
+        assert sum("commands change every 0.05 s" in line for line in read.remarks) == remarks
+        assert len(read.remarks) == remarks
     log["wheel_1_rad"] = np.round(log["wheel_1_rad"])
     with pytest.raises(om.OmniError, match="wheel speeds in steps of 60 rad/s tell too little"):
         read_logs(write_parquet(tmp_path / "log.parquet", log))

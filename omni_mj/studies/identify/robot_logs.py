@@ -250,11 +250,11 @@ def _clean(log: RobotLog, is_angle: bool) -> RobotLog:
     for source, values in log.inputs.items():
         _require_finite(f"{log.name}: {source} are", values)
         change_times = log.time[1:][(np.diff(values, axis=0) != 0).any(1)]
-        intervals = np.diff(change_times)
-        if np.median(intervals if intervals.size else 0) > MAX_HOLD * np.median(np.diff(log.time)):
+        hold = np.median(np.diff(change_times)) if len(change_times) > 1 else 0.0
+        if MAX_HOLD * np.median(np.diff(log.time)) < hold < MAX_PERIOD_S:
             log = log.add_remark(
-                f"{source} change every {np.median(intervals):.2g} s; delays are uncertain by half "
-                "of that if the log lacks values"
+                f"{source} change every {hold:.2g} s; delays are uncertain by half of that if the "
+                "log lacks values"
             )
     log = replace(log, pose=pose, pose_steps=steps)
     return _compute_mean_speeds(log, is_angle) if "wheels" in log.inputs else log
