@@ -1,7 +1,6 @@
 """Compare the adaptive controller with others in random scenarios, to find where it is worse.
 
     python tests/bench_random_scenarios.py [--scenarios 100] [--seed 0] [--seeds 4] [--plant mujoco]
-                                [--out FOLDER]
 
 A scenario has a built-in robot, a route, friction, noise, dead time and an error of the assumed
 dead time. Some have a weak wheel, a biased gyro, or pushes. References use 70 to 85 % of the
@@ -14,7 +13,6 @@ import csv
 import itertools
 import sys
 from math import pi
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -128,14 +126,11 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=0, help="From which scenarios are drawn.")
     parser.add_argument("--seeds", type=int, default=4, help="Of the noise of each.")
     parser.add_argument("--plant", choices=["mujoco", "planar"], default="mujoco")
-    parser.add_argument("--out", type=Path, help="Where results are stored. [nowhere]")
     options = parser.parse_args()
     scenarios = [
         draw_scenario(options.seed, number, options.plant) for number in range(options.scenarios)
     ]
     result = om.compare(scenarios, CONTROLLERS, options.seeds, subject=SUBJECT)
-    if options.out:
-        result.save(options.out)
     entries = result.summary()["scenarios"]
     writer = csv.writer(sys.stdout, lineterminator="\n")
     writer.writerow(COLUMNS)

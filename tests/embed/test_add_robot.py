@@ -334,7 +334,7 @@ def test_mistakes_get_one_message() -> None:
 
 
 def test_it_is_put_on_the_floor_near_its_height() -> None:
-    """A shelf above, a floor that is too high, and none; a drive can be copied."""
+    """A shelf above, a floor that is too high, and none."""
     scene = make_floor("plane")
     scene.worldbody.add_geom(
         type=mujoco.mjtGeom.mjGEOM_BOX, size=[0.5, 0.5, 0.02], pos=[0, 0, 0.27]
@@ -344,15 +344,10 @@ def test_it_is_put_on_the_floor_near_its_height() -> None:
     outside = om.add_robot(scene, prefix="outside_", height=1.0)
     model, data = compile_scene(scene)
     for robot, height in ((below, 0.0), (above, 0.29)):
-        drive = robot.bind(model, data)
+        robot.bind(model, data)
         assert data.body(robot.chassis).xpos[2] == pytest.approx(height, abs=1e-3)
     with pytest.raises(om.OmniError, match="no floor below the wheels of 'outside_chassis'"):
         outside.bind(model, data)
-    twin = copy.deepcopy(drive)
-    step(drive, 10, velocity=[1.0, 0.0, 0.0])
-    step(twin, 10, velocity=[1.0, 0.0, 0.0])
-    assert (twin.data.qpos == data.qpos).all()
-    assert twin.data is not data
 
 
 @pytest.mark.parametrize(
@@ -452,7 +447,7 @@ def test_a_drive_follows_a_scene_that_is_compiled_again_in_motion() -> None:
     model, data = compile_scene(scene)
     drives = [robot.bind(model, data) for robot in robots]
     drive_all(drives)
-    undisturbed = copy.deepcopy(drives)
+    undisturbed, twins = copy.deepcopy(drives), copy.deepcopy(drives)
     box = scene.worldbody.add_body(pos=[5, 5, 1])
     box.add_freejoint()
     box.add_geom(type=mujoco.mjtGeom.mjGEOM_BOX, size=[0.1, 0.1, 0.1])
@@ -463,6 +458,7 @@ def test_a_drive_follows_a_scene_that_is_compiled_again_in_motion() -> None:
     for drive in drives:
         drive.follow(new_model, new_data)
     values, expected = drive_all(drives), drive_all(undisturbed)
+    np.testing.assert_array_equal(drive_all(twins), expected)
     assert drives[0].data.time == undisturbed[0].data.time
     np.testing.assert_allclose(values[:, :3], expected[:, :3], atol=5e-3)
     temperature, charge = values[:, 3:].T
