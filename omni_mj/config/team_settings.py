@@ -89,7 +89,7 @@ class ReferenceSettings(SettingsModel):
     assumed_friction: float = setting(
         0.8,
         "friction coefficient that the planner assumes to limit accelerations to the traction of "
-        "the wheels; 0: no such limit",
+        "the wheels, and motion models for the softening of rubber; 0: no such limit",
         low=0,
         high=5,
     )

@@ -113,6 +113,7 @@ def build_team_model(settings: Settings, geometry: Kinematics, has_wheels: bool)
         friction_loss_m_s=control.assumed_friction_loss_m_s if has_wheels else NEGLIGIBLE,
         creep_s2_m=control.assumed_creep_s2_m if has_wheels else NEGLIGIBLE,
         creep_sideways_s2_m=control.assumed_creep_sideways_s2_m if has_wheels else NEGLIGIBLE,
+        friction=settings.reference.assumed_friction,
         alpha=alpha if has_wheels and min(alpha) > 0 else None,
         position_noise_m=vision.position_noise_m,
         heading_noise_rad=vision.heading_noise_rad,

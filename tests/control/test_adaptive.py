@@ -24,7 +24,7 @@ UNKNOWN = {"lag_s": 0.0, "creep_s2_m": 0.0, "friction_loss_m_s": 0.0}
 
 
 def team(name: str, delay: int = 6, route: Reference = ROUTE, n: int = 1, **known: object) -> Team:
-    model = TeamModel(T, delay, geometry=WHEELS, **{**RIGHT, **known})  # type: ignore[arg-type]
+    model = TeamModel(T, delay, geometry=WHEELS, friction=0.0, **{**RIGHT, **known})  # type: ignore[arg-type]
     return Team(make_controller(name, model, route, n), np.zeros((n, 3)))
 
 

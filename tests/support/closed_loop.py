@@ -26,7 +26,11 @@ _RIM_SQUARES = _RIMS[:, :, None] * _RIMS[:, None]
 def _invert_stiffness(twist: Array) -> Array:
     along_rims = twist[:, :2] @ _RIMS.T + WHEELS.arm * twist[:, 2:]
     speeds = np.hypot(along_rims, CONTACT_RATIO * twist[:, :2] @ _AXLES.T)
-    return np.linalg.inv(np.tensordot(1 / np.maximum(speeds, 1e-9), _RIM_SQUARES, 1))
+    return np.linalg.inv(np.tensordot(_LOADS / np.maximum(speeds, 1e-9), _RIM_SQUARES, 1))
+
+
+_FEET = np.array([np.ones(4), *_AXLES.T])
+_LOADS = np.linalg.lstsq(_FEET, [4, 0, 0], rcond=None)[0]  # statics of four feet
 
 
 _FORWARD_SPEED = _invert_stiffness(np.array([[1.0, 0.0, 0.0]]))[0, 0, 0]

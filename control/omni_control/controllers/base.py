@@ -46,6 +46,8 @@ class TeamModel:
             0: unknown.
         creep_sideways_s2_m: Same for sideways acceleration, s^2/m. Default: computed from
             `creep_s2_m` and the directions of the wheels.
+        friction: Coefficient of friction of the carpet, at which wheels slide; 0: they do not, and
+            their rubber does not soften.
         alpha: Motor correction factors, the steady ratio of achieved to commanded velocity, forward
             and sideways. If they are given, filters also assume smaller uncertainties of lag,
             friction and creep. Default: unknown, 0.7 to 1.
@@ -67,6 +69,7 @@ class TeamModel:
     friction_loss_m_s: float = 0.04
     creep_s2_m: float = 0.05
     creep_sideways_s2_m: float | None = None
+    friction: float = 0.8
     alpha: tuple[float, float] | None = None
     error_range_m: float = 0.1
     speed_range_m_s: float = 1.0

@@ -6,7 +6,7 @@ For each body axis i (forward, sideways, turning), with the acting command u and
 
     g    inverse gain 1 / alpha (equation 8 of the paper): command per steady velocity
     tau  lag of the wheel loops, s
-    S    lag by creep, s (`Creep`): rubber under traction slips in proportion to speed
+    S    lag by creep, s (`Creep`): rubber under traction slips in proportion to speed, and softens
     f    dry friction: command that it cancels, against the direction of motion sgn(v) = v / s
     b    disturbance: everything else that acts like a command (a collision, a slope, a biased gyro)
 
@@ -52,6 +52,12 @@ COM_HEIGHT_M = 0.047  # height of the center of mass; robots of TIGERs Mannheim:
 CONTACT_RATIO = 2.8
 MIN_LOAD = 0.1  # lowest load of a wheel, relative to the mean load
 MIN_CONTACT_M_S = 1e-6  # lowest speed through a contact: wheels at rest do not creep
+MAX_DRAG_SLIDING = 0.3  # largest part of a contact that slides in steady driving
+SLIDING_ITERATIONS = 10  # for the part that slides in steady driving of the nominal robot
+# Lowest stiffness of rubber over that in steady driving. A lower one, of wheels that are about to
+# slide, would turn small deficits of acceleration into large commands, with which they slide.
+MIN_STIFFNESS = 0.67
+INVERSE_ITERATIONS = 3  # for the softening in `MotionModel.invert`
 
 
 class MotionModel:
@@ -80,6 +86,8 @@ class MotionModel:
         creep_ratio = 0.0
         if model.creep_sideways_s2_m and model.creep_s2_m:
             creep_ratio = model.creep_sideways_s2_m / model.creep_s2_m
+        prior_gain = 1 / np.array([*(model.alpha or UNKNOWN_ALPHA), YAW_ALPHA])
+        self._softening = Softening(wheels, model, prior_gain)
         self._creep = Creep(wheels, creep_ratio)
         # The command that dry friction cancels is its force or moment over the stiffness. Friction
         # forces of the rims add up to the mean of |d_x| forward, and to the moment arm in turning.
@@ -94,7 +102,7 @@ class MotionModel:
         self.prior = np.array(
             [
                 *np.zeros(INVERSE_GAIN.start),
-                *(1 / np.array([*(model.alpha or UNKNOWN_ALPHA), YAW_ALPHA])),
+                *prior_gain,
                 model.delay_frames,
                 model.creep_s2_m,
                 max(FORWARD_LAG_RATIO * model.lag_s, MIN_LAG_S),
@@ -139,11 +147,13 @@ class MotionModel:
         inverse_gain = state[..., INVERSE_GAIN]
         velocity = world_to_body(state[..., VELOCITY], heading)
         drive = world_to_body(command + state[..., DISTURBANCE], heading)
+        residual = drive - inverse_gain * velocity
+        deficit = residual - self._compute_friction(state, velocity)
         contact_speed = compute_contact_speeds(self._wheels, velocity)
+        contact_speed = self._softening.scale(contact_speed, state, velocity, deficit)
         lags, cross_lag = self._compute_lags(state, contact_speed)
         time_constant = lags / inverse_gain
         # The initial acceleration solves the equations of forward and sideways motion together.
-        residual = drive - inverse_gain * velocity
         acceleration = residual / lags
         determinant = lags[..., :1] * lags[..., 1:2] - cross_lag**2
         acceleration[..., :2] = (
@@ -183,15 +193,22 @@ class MotionModel:
         """
         velocity = world_to_body(velocity, heading)
         next_velocity = world_to_body(next_velocity, heading)
-        contact_speed = compute_contact_speeds(self._wheels, velocity)
-        lags, cross_lag = self._compute_lags(state, contact_speed)
-        time_constant = lags / state[..., INVERSE_GAIN]
-        decay = np.exp(-self._period / time_constant)
-        steady_velocity = (next_velocity - decay * velocity) / (1 - decay)
-        friction = self._compute_friction(state, (velocity + next_velocity) / 2)
-        command = steady_velocity * state[..., INVERSE_GAIN] + friction
-        acceleration = (steady_velocity - velocity) / time_constant
-        command[..., :2] += cross_lag * acceleration[..., 1::-1]
+        steady_command = state[..., INVERSE_GAIN] * velocity + self._compute_friction(
+            state, velocity
+        )
+        mean_friction = self._compute_friction(state, (velocity + next_velocity) / 2)
+        sticking_speed = contact_speed = compute_contact_speeds(self._wheels, velocity)
+        # The softening depends on the command, so that the equation is solved repeatedly.
+        for _ in range(INVERSE_ITERATIONS):
+            lags, cross_lag = self._compute_lags(state, contact_speed)
+            time_constant = lags / state[..., INVERSE_GAIN]
+            decay = np.exp(-self._period / time_constant)
+            steady_velocity = (next_velocity - decay * velocity) / (1 - decay)
+            command = steady_velocity * state[..., INVERSE_GAIN] + mean_friction
+            acceleration = (steady_velocity - velocity) / time_constant
+            command[..., :2] += cross_lag * acceleration[..., 1::-1]
+            deficit = command - steady_command
+            contact_speed = self._softening.scale(sticking_speed, state, velocity, deficit)
         command[..., 2] -= self._yaw_coupling.compute_turn_rate(
             state, contact_speed, acceleration, command - velocity
         )
@@ -200,9 +217,11 @@ class MotionModel:
     def _compute_friction(self, state: Array, velocity: Array) -> Array:
         """Return the commands that dry friction cancels at body velocities, both (..., n, 3)."""
         speed = np.hypot(velocity[..., 0], velocity[..., 1])
-        rim_speed = np.stack([speed, speed, np.hypot(speed, self.arm * velocity[..., 2])], axis=-1)
-        direction = velocity * [1.0, 1.0, self.arm] / np.maximum(rim_speed, SLOW_M_S)
-        return self._friction_ratios * state[..., FRICTION, None] * direction
+        rim_speed = np.hypot(speed, self.arm * velocity[..., 2])
+        friction = state[..., FRICTION, None] * (self._friction_ratios * velocity)
+        friction[..., :2] /= np.maximum(speed, SLOW_M_S)[..., None]
+        friction[..., 2] *= self.arm / np.maximum(rim_speed, SLOW_M_S)
+        return friction
 
 
 def compute_contact_speeds(geometry: Kinematics, velocity: Array) -> Array:
@@ -232,9 +251,10 @@ class Creep:
         |V_i|_c^2 = (V_i . d_i)^2 + rho^2 (V_i . a_i)^2,    V_i = v + w l d_i
 
     with the directions d_i of the rim and a_i of the axle, the arm l and the turn rate w. All
-    wheels together have the stiffness sum d_i d_i^T / |V_i|_c against slip of the body. The lag by
-    creep is the inverse of this matrix, up to a factor. The creep coefficient contains this factor,
-    so that the lag of a robot that drives forward is that coefficient times its speed.
+    wheels together have the stiffness sum N_i d_i d_i^T / |V_i|_c against slip of the body, with
+    the loads N_i. The lag by creep is the inverse of this matrix, up to a factor. The creep
+    coefficient contains this factor, so that the lag of a robot that drives forward is that
+    coefficient times its speed.
 
     Args:
         geometry: Geometry of the wheels.
@@ -243,6 +263,7 @@ class Creep:
 
     def __init__(self, geometry: Kinematics, sideways_ratio: float) -> None:
         self._rim_directions = geometry.matrix[:, :2].T  # (2, wheels)
+        self._loads = len(geometry.azimuths) * compute_load_distribution(geometry, 0.0)[0]
         unit_speeds = compute_contact_speeds(geometry, np.eye(3)[:2])
         forward, sideways = np.diagonal(self._compute_compliance(unit_speeds)[0])
         self._scale = np.array([1.0, sideways_ratio or sideways / forward]) / [forward, sideways]
@@ -267,7 +288,7 @@ class Creep:
 
     def _compute_compliance(self, contact_speed: Array) -> tuple[Array, Array, Array]:
         """Return the compliance forward and sideways (..., 2), between them, and in turning."""
-        stiffness = 1 / np.maximum(contact_speed, MIN_CONTACT_M_S)
+        stiffness = self._loads / np.maximum(contact_speed, MIN_CONTACT_M_S)
         rim_x, rim_y = self._rim_directions
         forward = (stiffness * rim_x**2).sum(-1)
         sideways = (stiffness * rim_y**2).sum(-1)
@@ -275,6 +296,74 @@ class Creep:
         determinant = forward * sideways - cross**2
         compliance = np.stack([sideways, forward], axis=-1) / determinant[..., None]
         return compliance, -cross / determinant, 1 / stiffness.sum(-1)
+
+
+class Softening:
+    """Softening of rubber under traction (`compute_softening`), relative to steady driving.
+
+    A part x of a contact slides, and its traction is 1 - (1 - x)^3 of the friction limit. Drag
+    alone lets x_D slide, since rims slip by (g - 1) v in steady driving. A command adds a deficit,
+    and changes x by the traction of sticking rubber over three times the friction limit. The
+    stiffness of the secant, the mean of (1 - |x|)^2 between both, takes the place of that of the
+    tangent, (1 - x_D)^2, which the creep coefficient contains.
+
+    Args:
+        geometry: Geometry of the wheels.
+        model: Nominal model. With friction 0, rubber does not soften.
+        inverse_gain: Nominal inverse gains g, (3,).
+    """
+
+    def __init__(self, geometry: Kinematics, model: TeamModel, inverse_gain: Array) -> None:
+        self._rim_directions = geometry.matrix[:, :2].T  # (2, wheels)
+        rims = np.abs(self._rim_directions[0])
+        speeds = compute_contact_speeds(geometry, np.array([1.0, 0.0, 0.0]))
+        loads = compute_load_distribution(geometry, 0.0)[0]
+        stiffness, forward_stiffness = loads * rims**2 / speeds, (loads * rims**2).sum()
+        self._contact_scale = stiffness.sum() / forward_stiffness
+        max_traction = 3 * (model.friction or np.inf) * GRAVITY * forward_stiffness
+        creep_lags = max(model.creep_s2_m, MIN_CONTACT_M_S) * self._contact_scale * speeds
+        drag_sliding = (inverse_gain[0] - 1) * rims / (inverse_gain[0] ** 2 * creep_lags)
+        # The part that slides depends on the creep of sticking rubber, and this on that part.
+        sticking_ratio = 1.0
+        for _ in range(SLIDING_ITERATIONS):
+            sliding = np.minimum(
+                abs(drag_sliding) / (max_traction * sticking_ratio), MAX_DRAG_SLIDING
+            )
+            sticking_ratio = np.average((1 - sliding) ** 2, weights=stiffness)
+        # The creep coefficient c of a model is that of steady driving. Sticking rubber of a robot
+        # with the gain g has the coefficient g^2 c times that ratio.
+        self._max_traction = max_traction * sticking_ratio * inverse_gain[0] ** 2
+
+    def scale(self, contact_speed: Array, state: Array, velocity: Array, deficit: Array) -> Array:
+        """Return the speeds |V_i|_c over the stiffness of the rubber, (..., n, W) m/s.
+
+        The stiffness is relative to that in steady driving.
+
+        Args:
+            contact_speed: Speeds |V_i|_c (`Creep`), (..., n, W) m/s.
+            state: States (..., n, 18); inverse gain, creep and lag are used.
+            velocity: Body velocities (..., n, 3).
+            deficit: Commands in excess of those of steady driving, (..., n, 3).
+        """
+        creep_lag = np.maximum(
+            state[..., CREEP, None] * (self._contact_scale * contact_speed), MIN_CONTACT_M_S
+        )
+        slip = self._project_on_rims((state[..., INVERSE_GAIN] - 1) * velocity)
+        drag_sliding = slip / (self._max_traction * creep_lag)
+        drag_sliding = np.maximum(np.minimum(drag_sliding, MAX_DRAG_SLIDING), -MAX_DRAG_SLIDING)
+        creep_lag += state[..., LAG, None]
+        half_change = self._project_on_rims(deficit) / (2 * self._max_traction * creep_lag)
+        sticking = 1 - np.minimum(abs(drag_sliding + half_change), 1.0)
+        # The mean of (1 - |x|)^2 from x_D to x, exact if both have the same sign
+        secant = sticking**2 + half_change**2 / 3
+        tangent = (1 - abs(drag_sliding)) ** 2
+        return contact_speed / np.maximum(secant / tangent, MIN_STIFFNESS)
+
+    def _project_on_rims(self, velocity: Array) -> Array:
+        """Return the components along the rims, (..., n, W), of body velocities (..., n, 3)."""
+        # Sums instead of matrix products, which BLAS may round differently in a larger batch.
+        rim_x, rim_y = self._rim_directions
+        return velocity[..., :1] * rim_x + velocity[..., 1:2] * rim_y
 
 
 class YawCoupling:
