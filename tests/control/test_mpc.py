@@ -1,11 +1,9 @@
 """Laws of the preview MPC: prediction, solution of its programs, limits, and the LQR limit."""
 
-import subprocess
-import sys
-
 import numpy as np
 from benches.control import Array, CommandConstraints, make_controller, solve_quadratic_programs
 from closed_loop import LaggedPlant, T, run_controller
+from commands import run_python
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import optimize
@@ -152,14 +150,12 @@ def test_commands_satisfy_the_limits() -> None:
 
 
 def test_the_list_of_controllers_names_missing_packages() -> None:
-    hidden = "import sys; sys.modules['piqp'] = None; "
-    others = hidden + (
+    code = (
+        "import sys; sys.modules['piqp'] = None; "
         "from omni_control.controllers.registry import CONTROLLERS, list_available_controllers; "
         "assert set(CONTROLLERS) - set(list_available_controllers()) == {'mpc'}; "
-        + "from omni_mj.cli.main import main; sys.argv = ['omni-mj', 'list']; main()"
+        "from omni_mj.cli.main import main; sys.argv = ['omni-mj', 'list']; main()"
     )
-    done = subprocess.run(
-        [sys.executable, "-c", others], capture_output=True, text=True, timeout=60, check=False
-    )
+    done = run_python(code=code)
     assert done.returncode == 0, done.stderr
     assert f"needs piqp: {describe_installation('mpc')}" in " ".join(done.stdout.split())

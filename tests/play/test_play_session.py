@@ -275,9 +275,13 @@ def test_a_file_with_an_error_lets_its_robot_stand_until_it_is_correct(tmp_path:
     file.write_text(STILL)
     saved_ns = file.stat().st_mtime_ns
     played = PlaySession(scenario(), ("flc", f"{file}:Mine"))
+
+    def save(text: str) -> None:
+        file.write_text(text)
+        played.reload_controller(played.scenario.controllers[1])
+
     play(played, 5)
-    file.write_text(STILL.replace("0 * observation", "0 ** ("))
-    played.reload_controller(played.scenario.controllers[1])
+    save(STILL.replace("0 * observation", "0 ** ("))
     pose = played.snapshot.pose
     (failure,) = play(played, 20)[-1].failures
     assert "mine.py cannot be run: SyntaxError" in failure
@@ -293,24 +297,19 @@ def test_a_file_with_an_error_lets_its_robot_stand_until_it_is_correct(tmp_path:
     os.utime(file, ns=(saved_ns, saved_ns))
     played.reload_controller(played.scenario.controllers[1])
     assert not played.advance().failures, "also if the old file is restored with its time"
-    file.write_text(STILL.replace("0 * observation.pose", "0 / []"))
-    played.reload_controller(played.scenario.controllers[1])
+    save(STILL.replace("0 * observation.pose", "0 / []"))
     (failure,) = play(played, 2)[-1].failures
     assert "mine.py, line 7" in failure
-    file.write_text(STILL.replace("0 * observation", "0 ** ("))
-    played.reload_controller(played.scenario.controllers[1])
+    save(STILL.replace("0 * observation", "0 ** ("))
     (failure,) = play(played, 2)[-1].failures
     assert "mine.py cannot be run: SyntaxError" in failure, "the latest error"
-    file.write_text("import sys\n" + STILL.replace("0 * observation.pose", "sys.exit()"))
-    played.reload_controller(played.scenario.controllers[1])
+    save("import sys\n" + STILL.replace("0 * observation.pose", "sys.exit()"))
     (failure,) = play(played, 2)[-1].failures
     assert "mine.py, line 8): SystemExit" in failure
-    file.write_text(STILL.replace("    def", "    kp: float = 1.0\n    def"))
-    played.reload_controller(played.scenario.controllers[1])
+    save(STILL.replace("    def", "    kp: float = 1.0\n    def"))
     assert not played.advance().failures
     assert played.change("controller.Mine.kp", 2.0)
-    file.write_text(STILL.replace("    def", "    gain: float = 1.0\n    def"))
-    played.reload_controller(played.scenario.controllers[1])
+    save(STILL.replace("    def", "    gain: float = 1.0\n    def"))
     assert not played.advance().failures, "parameters are those of the file again"
     assert not played.scenario.settings.controller
 
