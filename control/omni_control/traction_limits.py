@@ -15,7 +15,7 @@ import math
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import combinations
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 
@@ -285,7 +285,7 @@ def compute_softening(sliding_fraction: Any) -> Any:
     return 1 - sliding_fraction + sliding_fraction * sliding_fraction / 3
 
 
-def max_over_neighbors(drag: Array, ends: Literal["edge", "wrap"]) -> Array:
+def max_over_neighbors(drag: Array) -> Array:
     """Return the largest drag (cells, faces) of each cell of a path and its neighbors.
 
     The friction of a roller's bearings changes sign where the speed along its axle does. This may
@@ -293,8 +293,7 @@ def max_over_neighbors(drag: Array, ends: Literal["edge", "wrap"]) -> Array:
 
     Args:
         drag: Fraction of friction that drag takes in each cell, (cells, faces).
-        ends: "edge" for a path with ends, "wrap" for a closed path.
     """
-    padded = np.pad(drag, ((_N_NEIGHBORS, _N_NEIGHBORS), (0, 0)), ends)
+    padded = np.pad(drag, ((_N_NEIGHBORS, _N_NEIGHBORS), (0, 0)), "edge")
     shifted = [padded[i : i + len(drag)] for i in range(2 * _N_NEIGHBORS + 1)]
     return np.max(shifted, axis=0)

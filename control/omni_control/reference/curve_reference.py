@@ -1,14 +1,8 @@
-"""Timed references along smooth closed curves, as fast as the limits allow.
-
-If a robot accelerates less sideways than forward, the limit of its acceleration is an ellipse. If
-it faces along the path, the acceleration across the path gets a higher weight (`speed_profiles`).
-If its heading is constantly 0, the plane is stretched in y until the ellipse is a circle. The
-timing is then computed for the stretched curve.
-"""
+"""Timed references along smooth closed curves, as fast as the limits allow."""
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
@@ -16,19 +10,12 @@ import numpy as np
 from omni_control.arguments import check_types, explain_types
 from omni_control.kinematics import Array
 from omni_control.reference.motion_limits import MotionLimits
+from omni_control.reference.path_timing import ParametricPath, plan_timing
 from omni_control.reference.sampled_reference import SampledReference, check_period
-from omni_control.reference.speed_profiles import (
-    ClosedPath,
-    integrate_speed_profile,
-    solve_speed_profile_on_wheels,
-)
-from omni_control.reference.time_scaling import PathTiming, sample_path, slow_down_for_wheels
-from omni_control.traction_limits import WheelLimits
+from omni_control.reference.time_scaling import sample_path, slow_down_for_wheels
 
 # Cells per lap, times the aspect ratio of the curve: elongated curves have sharper bends.
-_N_CELLS = 1000
-_N_PROGRAM_CELLS = 300  # same for the linear program, but at most _N_CELLS in total
-_MIN_CURVATURE = 1e-9  # 1/m, avoids division by zero on straights
+_N_CELLS = 400
 
 
 @dataclass(frozen=True)
@@ -85,109 +72,14 @@ class CurveReference(SampledReference):
         laps: int = 1,
         faces_along_path: bool = False,
     ) -> None:
-        path = partial(_get_poses, curve, faces_along_path)
-        poses = sample_path(
-            path, _plan_timing(curve, limits, laps, faces_along_path), limits, check_period(period)
+        longer, shorter = max(curve.length, curve.width), min(curve.length, curve.width)
+        n_cells = _N_CELLS * math.ceil(longer / shorter)
+        path = ParametricPath(
+            partial(_get_poses, curve, faces_along_path), 2 * np.pi, n_cells, laps
         )
-        plan_timing = partial(_plan_timing_on_wheels, curve, limits, laps, faces_along_path)
-        poses = slow_down_for_wheels(poses, path, plan_timing, limits, period)
+        poses = sample_path(path, plan_timing(path, limits), limits, check_period(period))
+        poses = slow_down_for_wheels(poses, path, limits, period)
         super().__init__(poses, period)
-
-
-def _plan_timing(
-    curve: Curve, limits: MotionLimits, laps: int, faces_along_path: bool
-) -> PathTiming:
-    """Return the fastest timing of the laps within the limits of velocity and acceleration."""
-    # The curve in coordinates in which the limit of the acceleration is a circle.
-    isotropic = (
-        curve if faces_along_path else replace(curve, width=limits.acceleration_ratio * curve.width)
-    )
-    n_cells = _N_CELLS * _ceil_aspect_ratio(isotropic)
-    u, step, arc_rate, curvature = _measure_cells(isotropic, n_cells)
-    speed = limits.speed * (arc_rate / np.abs(_to_complex(curve(u, 1))))
-    squared_speed = integrate_speed_profile(
-        step,
-        np.maximum(np.abs(curvature), _MIN_CURVATURE),
-        np.minimum(speed[:-1], speed[1:]) ** 2,
-        limits,
-        laps,
-        faces_along_path,
-    )
-    return _make_timing(squared_speed, arc_rate)
-
-
-def _plan_timing_on_wheels(
-    curve: Curve,
-    limits: MotionLimits,
-    laps: int,
-    faces_along_path: bool,
-    wheels: WheelLimits,
-    capacity: float,
-) -> PathTiming:
-    """Return the fastest timing of the laps that needs at most a fraction of the wheels' capacity.
-
-    Args:
-        curve: Curve of one lap.
-        limits: Limits of velocity and acceleration.
-        laps: Number of laps.
-        faces_along_path: Whether the robot faces along its path.
-        wheels: Limits of the wheels.
-        capacity: Fraction of the friction, drag included, and of the rim speed that may be used.
-    """
-    n_cells = min(_N_PROGRAM_CELLS * _ceil_aspect_ratio(curve), _N_CELLS)
-    u, step, arc_rate, curvature = _measure_cells(curve, n_cells)
-    cell_curvature = (curvature[:-1] + curvature[1:]) / 2
-    tangents = _to_complex(curve((u[:-1] + u[1:]) / 2, 1))
-    direction = np.ones(n_cells) + 0j if faces_along_path else tangents / np.abs(tangents)
-    x, y = direction.real, direction.imag
-    path = ClosedPath(
-        step,
-        np.array([x, y, cell_curvature * faces_along_path]),
-        np.array(
-            [-cell_curvature * y, cell_curvature * x, np.diff(curvature) / step * faces_along_path]
-        ),
-    )
-    squared_speed = solve_speed_profile_on_wheels(path, limits, wheels, capacity, laps)
-    return _make_timing(squared_speed, arc_rate)
-
-
-def _ceil_aspect_ratio(curve: Curve) -> int:
-    """Return the longer extent over the shorter one, rounded up."""
-    return math.ceil(max(curve.length / curve.width, curve.width / curve.length))
-
-
-def _make_timing(squared_speed: Array, arc_rate: Array) -> PathTiming:
-    """Return the timing of the laps from the squared speeds of the robot.
-
-    Args:
-        squared_speed: Squared speeds at the ends of cells of equal range of the parameter,
-            (laps * cells + 1,) m^2/s^2.
-        arc_rate: Arc length per parameter in one lap, (cells + 1,) m.
-    """
-    lap = arc_rate[:-1]
-    rate = np.sqrt(squared_speed) / np.resize(lap, squared_speed.shape)
-    return PathTiming(2 * np.pi / len(lap), rate)
-
-
-def _measure_cells(curve: Curve, n_cells: int) -> tuple[Array, Array, Array, Array]:
-    """Divide a curve into cells of equal range of the parameter, and return their geometry.
-
-    Returns:
-        Parameters u at the ends of the cells, (cells + 1,); lengths of the cells, (cells,) m; and,
-        at the ends, the arc length per parameter, m, and the curvature, 1/m, positive to the left.
-    """
-    u = np.linspace(0, 2 * np.pi, n_cells + 1)
-    # Points are complex numbers here, because arrays of x and y would round differently and change
-    # results. The curvature is the cross product r' x r'' / |r'|^3 = Im(r'' / r') / |r'|.
-    derivative = _to_complex(curve(u, 1))
-    arc_rate = np.abs(derivative)
-    curvature = (_to_complex(curve(u, 2)) / derivative).imag / arc_rate
-    return u, u[1] * (arc_rate[:-1] + arc_rate[1:]) / 2, arc_rate, curvature
-
-
-def _to_complex(points: Array) -> np.ndarray:
-    """Return points (n, 2) as complex numbers x + iy, (n,)."""
-    return points.view(complex)[..., 0]
 
 
 def _get_poses(curve: Curve, faces_along_path: bool, u: Array) -> Array:

@@ -13,8 +13,7 @@ fastest move with limited jerk, of up to seven phases, has this form (Biagiotti 
 FIR filters for online trajectory planning).
 
 If the wheels cannot do both at once, translation and heading are synchronized: the heading is
-linear along the segment. The available acceleration then depends on the position only, and the
-fastest timing is integrated from both ends.
+linear along the segment, and `path_timing` finds the fastest timing.
 """
 
 import math
@@ -25,12 +24,12 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from omni_control.arguments import check_types, explain_types
-from omni_control.kinematics import Array, world_to_body
+from omni_control.kinematics import Array
 from omni_control.reference.motion_limits import MotionLimits
+from omni_control.reference.path_timing import ParametricPath
 from omni_control.reference.replanned_reference import approach_pose
 from omni_control.reference.sampled_reference import SampledReference, as_poses, check_period
-from omni_control.reference.time_scaling import ROUNDING, PathTiming, slow_down_for_wheels
-from omni_control.traction_limits import WheelLimits, max_over_neighbors
+from omni_control.reference.time_scaling import ROUNDING, slow_down_for_wheels
 
 _N_CELLS = 200  # of a segment on which the wheels limit the timing
 _AT_REST = 1e-9  # distance (m, rad) and speed (m/s, rad/s) up to which a robot has arrived
@@ -96,9 +95,8 @@ def _slow_down_for_wheels(
     start: Array, end: Array, poses: Array, limits: MotionLimits, period: float
 ) -> Array:
     """Return the poses (frames, 3) of a segment, slower if the wheels require it."""
-    path = partial(_interpolate, start, end)
-    plan_timing = partial(_plan_timing_on_wheels, start, end, limits)
-    slowed_poses = slow_down_for_wheels(poses, path, plan_timing, limits, period)
+    path = ParametricPath(partial(_interpolate, start, end), 1.0, _N_CELLS)
+    slowed_poses = slow_down_for_wheels(poses, path, limits, period)
     if slowed_poses is poses:
         return poses
     rest_frames = 2 if limits.jerk or limits.turn_jerk else 1
@@ -174,43 +172,6 @@ def _smooth_step(distance: float, speed: float, jerk: float, frames: int) -> Arr
     velocity = reduce(np.convolve, windows)
     progress = np.append(0.0, np.cumsum(velocity) / velocity.sum())
     return np.pad(progress, (0, frames + 1 - len(progress)), mode="edge")
-
-
-def _plan_timing_on_wheels(
-    start: Array, end: Array, limits: MotionLimits, wheels: WheelLimits, capacity: float
-) -> PathTiming:
-    """Return the fastest timing that needs at most a fraction of the wheels' capacity.
-
-    Args:
-        start: First pose (3,).
-        end: Final pose (3,).
-        limits: Limits of velocity and acceleration.
-        wheels: Limits of the wheels.
-        capacity: Fraction of the friction, drag included, and of the rim speed that may be used.
-
-    Returns:
-        Timing of the progress from 0 to 1.
-    """
-    offset = np.tile(end - start, (_N_CELLS, 1))
-    heading = start[2] + offset[:, 2] * (np.arange(_N_CELLS) + 0.5) / _N_CELLS
-    twist = world_to_body(offset, heading)  # per unit of progress
-    rows, drag = wheels.get_friction_constraints(twist)
-    body_demand = np.hypot(*limits.to_isotropic(offset[:, :2], heading).T) / limits.acceleration
-    turn_demand = np.abs(offset[:, 2]) / limits.turn_acceleration
-    demand = np.maximum(body_demand, turn_demand)
-    wheel_demand = twist @ rows.T / (capacity - max_over_neighbors(drag, "edge"))
-    # Largest change of the squared rate of progress in a cell, speeding up and braking.
-    gains = 2 / _N_CELLS / np.maximum(demand, wheel_demand.max(1))
-    losses = 2 / _N_CELLS / np.maximum(demand, -wheel_demand.min(1))
-    min_duration = max(
-        np.hypot(*offset[0, :2]) / limits.speed,
-        abs(offset[0, 2]) / limits.turn_rate,
-        wheels.compute_rim_speeds(twist).max() / (capacity * wheels.max_rim_speed),
-    )
-    from_start = np.append(0, np.cumsum(gains))
-    from_end = np.append(0, np.cumsum(losses[::-1]))[::-1]
-    squared_rate = np.minimum(np.minimum(from_start, from_end), min_duration**-2.0)
-    return PathTiming(1 / _N_CELLS, np.sqrt(squared_rate))
 
 
 def _interpolate(start: Array, end: Array, progress: Array) -> Array:
