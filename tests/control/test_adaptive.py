@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from benches.control import Array, Reference, make_controller
+from benches.control import Array, OmniError, Reference, make_controller
 from closed_loop import WHEELS, CreepingPlant, T, make_vision_noise, run_team
 
 from omni_control import (
@@ -53,6 +53,23 @@ def test_inverse_flc_learns_nothing() -> None:
     for name in ("alpha_hat", "dead_time", "creep", "friction", "velocity_disturbance"):
         assert np.ptp(record[name], axis=0).max() == 0, name
     assert record["alpha_sigma"].max() == 0
+
+
+def test_a_disturbance_is_estimated_while_parameters_are_held() -> None:
+    """A robot that is pushed sideways, with another gain: its error falls, its parameters stay."""
+    errors_by_mode, robots = {}, {"alpha": (0.8, 0.8, 0.98)}
+    for learns in ("nothing", "disturbance"):
+        model = TeamModel(T, 6, geometry=WHEELS, friction=0.0, **RIGHT)  # type: ignore[arg-type]
+        held = make_controller("inverse-flc", model, ROUTE, 1, {"learns": learns})
+        plant = CreepingPlant(np.zeros((1, 3)), **robots)  # type: ignore[arg-type]
+        record = run_team(Team(held, np.zeros((1, 3))), plant, ROUTE.frames)
+        for name in ("alpha_hat", "dead_time", "creep", "friction"):
+            assert np.ptp(record[name], axis=0).max() == 0, name
+        errors_by_mode[learns] = errors(record)[0].mean()
+    assert np.abs(record["velocity_disturbance"]).max() > 0.05
+    assert errors_by_mode["disturbance"] < 0.8 * errors_by_mode["nothing"]
+    with pytest.raises(OmniError, match="learns must be one of nothing, disturbance, all, got"):
+        make_controller("inverse-flc", model, ROUTE, 1, {"learns": "some"})
 
 
 def test_zero_lag_creep_and_friction_mean_unknown() -> None:

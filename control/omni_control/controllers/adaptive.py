@@ -14,8 +14,6 @@ is therefore x = e + T e', the error extrapolated by a lead time:
 - Where F saturates, there is no damping: a robot far from its reference returns at the speed F / g.
 """
 
-from typing import ClassVar
-
 import numpy as np
 
 from omni_control.controllers.base import Controller, Observation, TeamModel
@@ -44,11 +42,14 @@ class InverseFlc(Controller):
 
     `RobotEkf` predicts pose and velocity for the time when the command will act. The command is the
     inverse of the model for the reference at that time, plus the fuzzy controller's correction of
-    the remaining error. The model has the initial parameters of `adaptive-comp-flc`, which this
-    controller does not adapt.
+    the remaining error. The model has the initial parameters of `adaptive-comp-flc`.
+
+    Attributes:
+        learns: What is estimated besides pose and velocity: "nothing", "disturbance", or "all",
+            which is `adaptive-comp-flc`.
     """
 
-    learns: ClassVar[bool] = False
+    learns: str = "nothing"
 
     def __init__(self, model: TeamModel, reference: Reference, n: int) -> None:
         super().__init__(model, reference, n)
@@ -188,7 +189,7 @@ class AdaptiveCompFlc(InverseFlc):
     It is `inverse-flc` with model parameters and a disturbance that are estimated while driving.
     """
 
-    learns = True
+    learns = "all"
 
 
 class Oracle(AdaptiveCompFlc):

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from omni_control.command_limiter import CommandLimiter
 from omni_control.controllers.base import Observation, TeamModel
 from omni_control.delay_compensation import CommandHistory
+from omni_control.errors import OmniError
 from omni_control.estimation.dead_time_search import DeadTimeSearch
 from omni_control.estimation.delayed_measurements import FilterStep
 from omni_control.estimation.motion_model import (
@@ -32,6 +33,8 @@ from omni_control.kinematics import Array, wrap_angle
 
 # Groups of states.
 MOTION = slice(0, 6)  # pose and velocity
+# States before this index are estimated, the others are held.
+LEARNED_STATES = {"nothing": 6, "disturbance": 9, "all": STATE_SIZE}
 UNMEASURED = slice(6, STATE_SIZE)
 PARAMETERS = slice(9, STATE_SIZE)
 TRANSLATION_VELOCITY, TRANSLATION_GAINS = slice(3, 5), slice(11, 13)
@@ -85,8 +88,8 @@ class RobotEkf:
         model: Nominal model.
         n: Number of robots.
         noise: Standard deviations of measured x, y and heading, m, m, rad.
-        learns: Whether disturbance and parameters are estimated. Otherwise they stay at their
-            nominal values.
+        learns: What is estimated besides pose and velocity, of `LEARNED_STATES`. The others stay at
+            their nominal values.
 
     Attributes:
         dynamics: Motion model.
@@ -95,10 +98,13 @@ class RobotEkf:
         mean_nis: Running mean of the normalized innovation squared (NIS), (n,); 1 for a robot that
             follows the model.
         memory_frames: Number of sent commands that the filter needs.
+
+    Raises:
+        OmniError: `learns` is none of `LEARNED_STATES`.
     """
 
     def __init__(
-        self, model: TeamModel, n: int, noise: tuple[float, float, float], learns: bool = True
+        self, model: TeamModel, n: int, noise: tuple[float, float, float], learns: str = "all"
     ) -> None:
         self.period, self.dynamics = model.period, MotionModel(model)
         prior = self.dynamics.prior[PARAMETERS]
@@ -110,7 +116,10 @@ class RobotEkf:
         self._bounds = lower_bounds, upper_bounds
         times = np.array([*DISTURBANCE_TIME_S, *9 * [PARAMETER_TIME_S]])
         self._decay = np.append(np.ones(6), np.exp(-self.period / times))
-        covariance = learns * self._make_prior_covariance(model)
+        if learns not in LEARNED_STATES:
+            raise OmniError(f"learns must be one of {', '.join(LEARNED_STATES)}, got {learns!r}")
+        is_learned = np.arange(STATE_SIZE) < LEARNED_STATES[learns]
+        covariance = self._make_prior_covariance(model) * np.outer(is_learned, is_learned)
         # Noise that keeps the prior covariance stationary under the decay: (1 - decay^2) P.
         noise_ratio = np.sqrt(1 - self._decay**2)
         self._parameter_noise = covariance * np.outer(noise_ratio, noise_ratio)
@@ -123,7 +132,7 @@ class RobotEkf:
         sigma = np.sqrt(np.diagonal(self._vision_covariance))
         self._limiter = CommandLimiter([model.limits], self.period)
         self._search = DeadTimeSearch(model, self.dynamics, sigma, n)
-        self._search.is_active &= learns
+        self._search.is_active &= is_learned[DEAD_TIME]
         step = JACOBIAN_STEP * np.eye(STATE_SIZE)
         self._perturbations = np.concatenate([0 * step[:1], step, -step])[:, None]
         self.memory_frames = math.ceil(model.delay_frames) + MAX_DEAD_TIME_CHANGE + 8
