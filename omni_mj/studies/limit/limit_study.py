@@ -25,6 +25,7 @@ from omni_mj.results.result_tables import describe_plant, format_mean_cm
 from omni_mj.results.text_table import Table, format_table
 from omni_mj.simulation.simulation import Simulation
 from omni_mj.studies.limit.deviation_model import DeviationModel
+from omni_mj.studies.limit.information_bound import compute_mean_error_bound
 from omni_mj.studies.limit.iterative_learning import (
     Runs,
     controller_from_function,
@@ -101,7 +102,9 @@ class LimitResult(Result):
         )
         trials = format_count(len(self.history) - 1, "trial")
         comparison = format_table(Table(title, headings, rows, 1))
-        return f"{comparison}\nwithout noise, in {trials}: from {start} to {end} cm"
+        bound = 100 * compute_mean_error_bound(self.outcomes[0].scenario)
+        bound_line = f"\nbound of the mean by noise and dead time: {bound:.4f} cm" if bound else ""
+        return f"{comparison}\nwithout noise, in {trials}: from {start} to {end} cm{bound_line}"
 
 
 @check_types

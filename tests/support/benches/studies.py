@@ -17,6 +17,7 @@ from omni_mj.studies.alpha import operating_conditions as conditions
 from omni_mj.studies.alpha.alpha_study import AlphaResult, AlphaStudy
 from omni_mj.studies.identify.robot_logs import read_logs
 from omni_mj.studies.limit.deviation_model import DeviationModel
+from omni_mj.studies.limit.information_bound import compute_mean_error_bound
 from omni_mj.studies.limit.iterative_learning import Runs, learn_run, optimize_commands
 from omni_mj.studies.limit.limit_study import remove_noise
 from omni_mj.studies.limit.recorded_run_lqr import (
