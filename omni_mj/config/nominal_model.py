@@ -8,48 +8,22 @@ motion. This is the stiffness of `compute_speed_stiffness`. The lag is the mass 
 The friction loss is the dry friction force over it. Rotor inertia and creep are neglected. If a
 loop has integral action, only its proportional gain is considered.
 
-**Creep.** Row i of the matrix G is (d_i, l): the rim direction d_i and the lever arm l of wheel i.
-By the law of `omni_mj.robot.wheel_carpet_forces`, its rim is faster than the contact point by s_i,
-and exerts the traction
+**Creep.** The rim of wheel i slips by s_i and exerts the traction of the brush model
+(`omni_mj.robot.wheel_carpet_forces`)
 
-    f_i = N_i C / |v_i|_c  h(s_i) s_i,        |v_i|_c^2 = (d_i v)^2 + (rho a_i v)^2,
+    f_i = N_i C / |v_i|_c  h(s_i) s_i
 
-with the normal force N_i, the creep stiffness C, the axle direction a_i, the contact ratio rho and
-the softening h. With stiff wheel loops, all s_i together are the motion of a rigid body, s = G e,
-where e = u - v is the twist by the encoders minus the twist of the body. Their tractions balance
-the force and moment (F, M) on the body:
+with the normal force N_i, the creep stiffness C, the contact speed |v_i|_c and the softening h. All
+rims slip like a rigid body, s = G e, where row i of G is the rim direction d_i and the lever arm l.
+Tractions balance the force and moment on the body, G^T f = m a + D, with the drag D that contacts
+transmit. The solution along an axis is e = |v| g(m a + D). TIGERs write K u - v = T |u| v', so that
 
-    (F, M) = G^T f = G^T S G e,        S = diag(N_i C h(s_i) / |v_i|_c).
+    K = 1 / (1 + g(D)),        T = K^2 m g'(D)
 
-Along an axis j F = m a + D_j: the force that accelerates the body, and the drag D_j that the
-contacts transmit (rolling resistance and roller bearings, but not motors and gears, which act on
-the hubs). |v_i|_c is proportional to |v|, and so is the solution: e_j = |v| g(F). To first order in
-the acceleration a, for v > 0
-
-    u = v + v g(D_j) + T0 v a,        T0 = m g'(D_j).
-
-The slope g' follows from the stiffness of each wheel for a small change of its slip, which is
-N_i C (1 - x_i)^2 / |v_i|_c with the slip x_i relative to that of full sliding. TIGERs write
-K u - v = T |u| v'. Comparing the terms with and without v' gives
-
-    K = 1 / (1 + g(D_j)),        T = K T0 v / u = K^2 T0 / (1 + K T0 a).
-
-A fit over a whole move weighs acceleration (a > 0) and braking equally. Its T is K^2 T0 up to
-(K T0 a)^2, 2 % at 2 m/s^2. Drag appears in the gain K, not in T. Without drag K = 1. When the robot
-turns on the spot, rims travel at l |w|, and wheels have no speed along their axles. The law has
-T l |u| in place of T |u|, the yaw inertia J in place of m, and the moment of the drag.
-
-The normal forces are those of a body at rest on equal springs, linear in the position of the wheel.
-The effects of load transfer during acceleration and during braking cancel. Neglected effects:
-
-- K is lower by up to 0.016, by the viscous friction of bearings and the spin-up of rollers (0.1 to
-  0.2 N at 1 m/s), and by a rolling radius that is 0.1 % smaller.
-- T forward is 5 to 7 % higher in moves at 2 m/s^2, because rubber softens: T0 is a tangent, and
-  moves have the slope of a secant. T sideways is 9 to 15 % higher for this reason, and lower by
-  as much, by (K T0 a)^2 and soft wheel loops.
-- T differs by 1 to 2 %, by mass that turns with the rims.
-- T differs by 3 %, by wheel loops that are not stiff where normal forces differ.
-- T differs by 0.001 s^2/m at 1 m/s, by the 1 ms that TIGERs' law adds to T |u|.
+are the secant and the tangent at the drag, where rubber has the stiffness N_i C (1 - x_i)^2 /
+|v_i|_c with its slip x_i relative to full sliding. `MotionModel` adds the softening beyond. On the
+spot T is multiplied by l |u|, and the yaw inertia takes the place of m.
+docs/explanation/physics.md names the effects that are neglected.
 """
 
 from typing import NamedTuple
