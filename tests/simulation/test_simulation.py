@@ -13,6 +13,9 @@ from benches.short_simulations import (
     run_to_grid,
     simulation,
 )
+from numpy.typing import NDArray
+
+import omni_mj as om
 
 RANDOM = (*DISTURBED, "radio.jitter_frames=4")
 BRIEF = ("reference.waypoints=[[0,0],[0.2,0]]", "reference.settle_s=0.1")
@@ -102,3 +105,18 @@ def test_robots_reach_the_end_of_the_reference(plant: str, mode: str) -> None:
     assert final_error[FLC] < 0.04
     if plant == "kinematic":
         assert final_error[FLC] > 0.004
+
+
+def test_the_team_knows_the_assumed_friction_and_not_the_carpets() -> None:
+    known = []
+
+    class Curious(om.Controller):
+        def command(self, frame: int, observation: om.Observation) -> NDArray:
+            known.append(self.model.friction)
+            return np.zeros_like(observation.pose)
+
+    scenario = om.load_scenario(
+        "rect", plant="planar", carpet={"friction": 0.4}, reference={"assumed_friction": 0.7}
+    )
+    om.Simulation(scenario, [Curious]).step()
+    assert known == [0.7]
