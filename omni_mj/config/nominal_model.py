@@ -106,7 +106,7 @@ def compute_rim_compliance(settings: Settings) -> float:
     """
     motor, kp = settings.motor, settings.firmware.kp
     constant = motor.wheel_back_emf_v_s
-    stiffness = settings.drivetrain.gear_efficiency * constant * (kp + constant)
+    stiffness = settings.drivetrain.efficiency * constant * (kp + constant)
     return motor.resistance_ohm * settings.wheels.radius_m**2 / stiffness
 
 

@@ -196,7 +196,7 @@ class DrivetrainSettings(SettingsModel):
     gear_friction_nm: float = setting(
         FROM_ROBOT, "dry friction torque of a gear, at the wheel", "N m", low=0, high=1
     )
-    gear_efficiency: float = setting(
+    efficiency: float = setting(
         1.0,
         "fraction of a motor's torque that the gear passes when driving; the rest is friction, "
         "which adds to the torque when braking",

@@ -82,7 +82,7 @@ def make_motor_parameters(settings: Sequence[Settings], magnet_factor: Array) ->
         current_limit=gather(settings, "firmware.current_limit_a"),
         dry_friction=gather(sheets, "wheel_dry_friction_nm"),
         viscous_friction=gather(sheets, "wheel_viscous_friction_nm_s"),
-        load_friction=1 - gather(settings, "drivetrain.gear_efficiency"),
+        load_friction=1 - gather(settings, "drivetrain.efficiency"),
         copper_coefficient=gather(sheets, "winding_resistance_per_k"),
         magnet_coefficient=gather(sheets, "torque_constant_per_k"),
         ambient=gather(sheets, "ambient_c"),

@@ -60,7 +60,7 @@ def test_our_model_under_other_names_is_our_robot(write: Write) -> None:
 
     Losses under load change when a current changes its sign; without them, digits matter less.
     """
-    lossless = {"drivetrain": {"gear_efficiency": 1.0}}
+    lossless = {"drivetrain": {"efficiency": 1.0}}
     expected = path(**lossless)
     text = ROBOT.read_text()
     for old, new in (

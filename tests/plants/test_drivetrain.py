@@ -34,7 +34,7 @@ IDEAL = noiseless(
     ("lossy", "driving", "braking"),
     [
         ({"motor": {"torque_factor": 0.7}}, 0.7, 0.7),
-        ({"drivetrain": {"gear_efficiency": 0.7}}, 0.7, 1.3),
+        ({"drivetrain": {"efficiency": 0.7}}, 0.7, 1.3),
     ],
     ids=["motor", "gear"],
 )

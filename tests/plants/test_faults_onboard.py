@@ -25,7 +25,7 @@ def test_a_demagnetized_motor_turns_by_its_torque_constant() -> None:
     factor, motor = 0.6, {"no_load_current_a": 0.0, "torque_factor": 1.0}
     slick = {
         "carpet": {"friction": 0.01},
-        "drivetrain": {"gear_friction_nm": 0.0, "roller_friction": 0.0, "gear_efficiency": 1.0},
+        "drivetrain": {"gear_friction_nm": 0.0, "roller_friction": 0.0, "efficiency": 1.0},
     }
     fault = {
         "kind": "motor-demagnetized",

@@ -82,7 +82,7 @@ def test_temperatures_solve_the_differential_equation_of_two_nodes(
 
     exact = solve_ivp(rates, (0, frames * FRAME_S), [40.0, 30.0], rtol=1e-10, atol=1e-9).y[:, -1]
     winding, housing = heat_motor(
-        resolve_settings({"motor": s, "drivetrain": {"gear_efficiency": 0.6}}),
+        resolve_settings({"motor": s, "drivetrain": {"efficiency": 0.6}}),
         np.full(frames, current),
         np.full(frames, speed),
     )

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 # A gyro without error: one with would turn a standing robot until vision's heading arrives.
 GYRO = ("sensors.gyro_noise_rad_s=0", "sensors.gyro_bias_rad_s=0")
-MUJOCO = ("drivetrain.gear_efficiency=1", *GYRO)
+MUJOCO = ("drivetrain.efficiency=1", *GYRO)
 ACCELERATION = 0.826  # of the reference (paper, section 2)
 
 

@@ -38,7 +38,7 @@ ROBOT = "tigers-v2016"
 STIFF = {"kp": 0.4, "ki": 20.0, "turn_rate_gain": 0.0}
 # Wheels without losses
 NO_FRICTION = {"roller_friction": 0.0, "gear_friction_nm": 0.0, "roller_damping_nm_s": 0.0}
-LOSSLESS = NO_FRICTION | {"gear_efficiency": 1.0}
+LOSSLESS = NO_FRICTION | {"efficiency": 1.0}
 
 
 def with_settings(**sections: dict[str, Any]) -> Settings:
