@@ -23,7 +23,7 @@ ROUTE = {
     "settle_s": 0.05,
 }
 SLOW = {"alpha_correlation_time_s": 10.0}
-SEEDS = 2
+SEEDS, ITERATIONS = 2, 8
 
 
 def lagging(commands: Array, lag_s: float) -> Array:
@@ -169,10 +169,13 @@ def mean_errors(result: om.Result, name: str) -> dict[str, float]:
 
 @pytest.mark.parametrize("plant", ["kinematic", "planar"])
 def test_no_controller_has_less_error_than_the_limit(plant: str) -> None:
-    """Privileged controllers are excluded. The study is repeatable."""
+    """Privileged controllers are excluded. The study is repeatable.
+
+    After 3 iterations, the error without noise is still as large as the error that noise adds.
+    """
     sections: dict[str, Any] = {"kinematic": SLOW} if plant == "kinematic" else {}
     scenario = om.load_scenario("rect", plant=plant, reference=ROUTE, **sections)
-    result = om.find_limit(scenario, SEEDS, iterations=3)
+    result = om.find_limit(scenario, SEEDS, iterations=ITERATIONS)
     runs = om.run(scenario, ["lqr", "mpc"], range(SEEDS))
     limit, noiseless = mean_errors(result, "limit"), mean_errors(result, "limit without noise")
     baselines = [name for name in CONTROLLERS if name != "oracle"]
@@ -189,7 +192,7 @@ def test_no_controller_has_less_error_than_the_limit(plant: str) -> None:
         "the learned run is repeated"
     )
     if plant == "kinematic":
-        assert om.find_limit(scenario, SEEDS, iterations=3).table() == result.table()
+        assert om.find_limit(scenario, SEEDS, iterations=ITERATIONS).table() == result.table()
 
 
 def test_stopped_limit_study_is_incomplete() -> None:
