@@ -111,8 +111,8 @@ class RobotDrive:
         self._variation = RobotVariation.draw([self._row])
         # A robot of its kind alone on the field, with as many steps per cycle
         substeps = min(max(round(1 / (model.opt.timestep * CYCLE_RATE_HZ)), 1), MAX_SUBSTEPS)
-        self._alone = build_world(robot.settings.replace(physics={"substeps": substeps}))
-        self._scene_prefix = _find_scene_prefix(robot, self._alone, model, scene_prefix)
+        self._plant_world = build_world(robot.settings.replace(physics={"substeps": substeps}))
+        self._scene_prefix = _find_scene_prefix(robot, self._plant_world, model, scene_prefix)
         self._robot = robot
         self._world = self._make_world()
         if self._scene_prefix:
@@ -142,7 +142,7 @@ class RobotDrive:
         """
         start = np.array(self._robot.pose) if pose is None else check_array("pose", pose, (3,))
         indices = self._world.robots[0]
-        _write_start_values(self.model, indices, self._alone)
+        _write_start_values(self.model, indices, self._plant_world)
         self.data.ctrl[indices.motors] = 0.0
         self.data.xfrc_applied[indices.chassis] = 0.0
         self.data.qacc_warmstart[indices.dofs] = 0.0
@@ -175,7 +175,7 @@ class RobotDrive:
             self._world = self._make_world()
             self._views = SceneViews(SceneArrays(model, data), self._world)
             self._views.write_variation(self._variation)
-            _write_start_values(model, self._world.robots[0], self._alone)
+            _write_start_values(model, self._world.robots[0], self._plant_world)
             set_margin(model, self._world.robots[0], margin)
             mujoco.mj_forward(model, data)
             self._wheels.follow(self._world, self._views)
@@ -330,24 +330,25 @@ class RobotDrive:
             OmniError: The model does not contain the robot, no wheel can roll in it, or other
                 drives write to it.
         """
-        model, robot, alone = self.model, self._robot, self._alone
-        (plant_robot,) = alone.robots
+        model, robot, plant_world = self.model, self._robot, self._plant_world
+        (plant_robot,) = plant_world.robots
         prefixes = "robot_1/", self._scene_prefix + robot.prefix
-        indices = find_by_names(plant_robot, alone.model, model, prefixes)
+        indices = find_by_names(plant_robot, plant_world.model, model, prefixes)
         check_scene(model, indices)
         self._check_other_drives(indices.chassis)
         if not model.actuator_ctrllimited[indices.motors].any():  # an earlier drive was here
-            _restore_bodies(model, indices, alone)
+            _restore_bodies(model, indices, plant_world)
         # The compiler rounds these differently in each pose.
-        model.body_invweight0[indices.bodies] = alone.model.body_invweight0[plant_robot.bodies]
-        model.dof_invweight0[indices.dofs] = alone.model.dof_invweight0[plant_robot.dofs]
+        plant_model = plant_world.model
+        model.body_invweight0[indices.bodies] = plant_model.body_invweight0[plant_robot.bodies]
+        model.dof_invweight0[indices.dofs] = plant_model.dof_invweight0[plant_robot.dofs]
         set_floor_contacts(model, indices, robot.settings.body.mass_kg / len(indices.joints))
         # The battery limits voltages, which may exceed the model's range while motors brake.
         model.actuator_ctrllimited[indices.motors] = 0
         rest_qpos = model.qpos0.copy()
-        rest_qpos[indices.qpos] = alone.rest_qpos[plant_robot.qpos]
+        rest_qpos[indices.qpos] = plant_world.rest_qpos[plant_robot.qpos]
         return replace(
-            alone,
+            plant_world,
             model=model,
             robots=(indices,),
             rest_qpos=rest_qpos,
@@ -377,7 +378,7 @@ _drives: WeakKeyDictionary[mujoco.MjModel, WeakSet[RobotDrive]] = WeakKeyDiction
 
 
 def _find_scene_prefix(
-    robot: SceneRobot, alone: World, model: mujoco.MjModel, chosen: str | None
+    robot: SceneRobot, plant_world: World, model: mujoco.MjModel, chosen: str | None
 ) -> str:
     """Return the prefix with which the scene of a robot was attached, or an empty text.
 
@@ -386,7 +387,8 @@ def _find_scene_prefix(
     """
     if chosen is not None:
         return chosen
-    rim = alone.model.body(alone.robots[0].rims[0]).name.replace("robot_1/", robot.prefix, 1)
+    plant_rim = plant_world.model.body(plant_world.robots[0].rims[0]).name
+    rim = plant_rim.replace("robot_1/", robot.prefix, 1)
     sensors = [model.sensor(i).name for i in range(model.nsensor)]
     suffix = f"load/{rim}"
     prefixes = [name.removesuffix(suffix) for name in sensors if name.endswith(suffix)]
@@ -398,26 +400,26 @@ def _find_scene_prefix(
     return "" if "" in prefixes or not prefixes else prefixes[0]
 
 
-def _restore_bodies(model: mujoco.MjModel, robot: RobotIndices, alone: World) -> None:
+def _restore_bodies(model: mujoco.MjModel, robot: RobotIndices, plant_world: World) -> None:
     """Undo the variation that an earlier drive has written to a model."""
-    (plant_robot,) = alone.robots
+    (plant_robot,) = plant_world.robots
     chassis, plant_chassis = robot.chassis, plant_robot.chassis
-    added_mass = model.body_mass[chassis] - alone.model.body_mass[plant_chassis]
+    added_mass = model.body_mass[chassis] - plant_world.model.body_mass[plant_chassis]
     model.body_subtreemass[chassis] -= added_mass
     for name in ("body_mass", "body_ipos", "body_inertia"):
-        getattr(model, name)[chassis] = getattr(alone.model, name)[plant_chassis]
-    model.body_pos[robot.wheels] = alone.model.body_pos[plant_robot.wheels]
+        getattr(model, name)[chassis] = getattr(plant_world.model, name)[plant_chassis]
+    model.body_pos[robot.wheels] = plant_world.model.body_pos[plant_robot.wheels]
     geoms, plant_geoms = (
         find_roller_geoms(source, indices)
-        for source, indices in ((model, robot), (alone.model, plant_robot))
+        for source, indices in ((model, robot), (plant_world.model, plant_robot))
     )
-    model.geom_size[geoms] = alone.model.geom_size[plant_geoms]
+    model.geom_size[geoms] = plant_world.model.geom_size[plant_geoms]
 
 
-def _write_start_values(model: mujoco.MjModel, robot: RobotIndices, alone: World) -> None:
+def _write_start_values(model: mujoco.MjModel, robot: RobotIndices, plant_world: World) -> None:
     """Write the frictions and motors of a robot at rest, which a drive changes in each step."""
-    (plant_robot,) = alone.robots
+    (plant_robot,) = plant_world.robots
     for name in ("dof_frictionloss", "dof_solimp"):
-        getattr(model, name)[robot.dofs] = getattr(alone.model, name)[plant_robot.dofs]
-    model.actuator_gainprm[robot.motors] = alone.model.actuator_gainprm[plant_robot.motors]
+        getattr(model, name)[robot.dofs] = getattr(plant_world.model, name)[plant_robot.dofs]
+    model.actuator_gainprm[robot.motors] = plant_world.model.actuator_gainprm[plant_robot.motors]
     stiffen_slip_hinges(model, robot)

@@ -3,13 +3,12 @@
 import numpy as np
 import pytest
 import serve_client
-from benches.drive import drive_live, live_scenario
+from benches.drive import connect_in_lockstep, drive_live, live_scenario
 from benches.serve import Field, here
 from serve_client import LOOPBACK, Client, local, world
 
 import omni_mj as om
 from omni_control.errors import OmniError
-from omni_mj.live.drive_setup import ConnectionOptions
 from omni_mj.live.live_loop import Live
 from omni_mj.live.wire.league_pb2 import RobotCommand, RobotControl, RobotControlResponse
 
@@ -137,19 +136,8 @@ def drive_in_lockstep(*sets: str, pulse: bool = False) -> tuple[np.ndarray, Live
         port = serve_client.free_port()
         server.vision = server.vision._replace(port=port)
         server.after_frame = lambda: truth.append(field.poses[0])
-        options = ConnectionOptions(
-            f"{LOOPBACK}:{port}",
-            f"{LOOPBACK}:{client.ports[1]}",
-            LOOPBACK,
-            color="blue",
-            ids=(),
-            pace="vision",
-            radio=None,
-            wait_s=10.0,
-            duration_s=None,
-            pulse=pulse,
-            overrides=(),
-            listen_s=0.4,
+        options = connect_in_lockstep(
+            f"{LOOPBACK}:{port}", f"{LOOPBACK}:{client.ports[1]}", pulse=pulse
         )
         live = drive_live(live_scenario("comp-flc"), options)
     return np.array(truth), live

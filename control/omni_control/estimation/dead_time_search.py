@@ -68,18 +68,17 @@ class DeadTimeSearch:
             offset: Time from the state to the capture, (n, 1) s.
             weight: Weights of the measurements as evidence, (n,); 0 at rest.
         """
-        is_visible = ~np.isnan(measured_pose[:, :1])
+        is_visible = ~np.isnan(measured_pose[:, 0])
         nominal_pose = self._states[..., POSE] + offset * self._states[..., VELOCITY]
-        error = compute_pose_error(measured_pose, nominal_pose) * is_visible
-        displacement = compute_pose_error(measured_pose, self._rest_pose) * is_visible
-        error, displacement = np.nan_to_num(error), np.nan_to_num(displacement)
+        error = np.nan_to_num(compute_pose_error(measured_pose, nominal_pose))
+        displacement = np.nan_to_num(compute_pose_error(measured_pose, self._rest_pose))
         self._states[..., POSE] += FOLLOWING_GAIN * error
         self._rest_pose = self._rest_pose + FOLLOWING_GAIN * displacement
         measured, nominal = displacement / self._noise, (displacement - error) / self._noise
         self._measured_square += weight * (measured**2).sum(-1)
         self._product += weight * (measured * nominal).sum(-1)
         self._nominal_square += weight * (nominal**2).sum(-1)
-        self._evidence = self._evidence + weight * is_visible[:, 0]
+        self._evidence = self._evidence + weight * is_visible
         self.is_active = self.is_active & (self._evidence < MAX_EVIDENCE_FRAMES)
 
     def find(self, dead_time: Array) -> tuple[NDArray[np.intp], Array]:

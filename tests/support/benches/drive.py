@@ -53,21 +53,25 @@ def connect_peer(*arguments: object, **options: Any) -> Iterator[ConnectionOptio
     ports = free_port(), free_port()
     vision, commands = (f"{LOOPBACK}:{port}" for port in ports)
     with run_peer(ports, "--lockstep", *arguments):
-        connection = ConnectionOptions(
-            vision,
-            commands,
-            LOOPBACK,
-            color="blue",
-            ids=(),
-            pace="vision",
-            radio=None,
-            wait_s=10.0,
-            duration_s=None,
-            pulse=True,
-            overrides=(),
-            listen_s=0.4,
-        )
-        yield replace(connection, **options)
+        yield replace(connect_in_lockstep(vision, commands), **options)
+
+
+def connect_in_lockstep(vision: str, commands: str, pulse: bool = True) -> ConnectionOptions:
+    """Return options of a drive that follows the images of a simulator at two addresses."""
+    return ConnectionOptions(
+        vision,
+        commands,
+        LOOPBACK,
+        color="blue",
+        ids=(),
+        pace="vision",
+        radio=None,
+        wait_s=10.0,
+        duration_s=None,
+        pulse=pulse,
+        overrides=(),
+        listen_s=0.4,
+    )
 
 
 def live_scenario(controller: str | type[Controller], **sections: object) -> Scenario:
